@@ -7,10 +7,13 @@ a function that builds it from its name and options, and these options with thei
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import importlib
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib.metadata import entry_points
+from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from layoutexplore.errors import ConfigError, OwnCodeError, shortened, unknown_name
@@ -199,8 +202,12 @@ class Registry(Generic[T]):
         return entry, parse_options(self.kind, spec, entry.name, text if colon else None, entry.options)
 
     def digest(self, spec: str) -> str:
-        """Changes with the user's own code that a text names; empty where it names what ships."""
-        return self.find(spec)[0].digest
+        """Changes with the user's own code that a text names and the files among its options.
+
+        Empty where the text names what ships.
+        """
+        entry, options = self.find(spec)
+        return entry.digest and entry.digest + _digest_of_named_files(options)
 
     def names(self) -> list[str]:
         """All names: what ships in the order of its registration, then what users have added."""
@@ -265,6 +272,18 @@ class Registry(Generic[T]):
             ) from error
         self.register(name, _first_line(thing), thing)
         return self._entries[name]
+
+
+def _digest_of_named_files(options: Any) -> str:
+    """12 hexadecimal digits that change with the files that options name, weights as a rule; or nothing."""
+    values = [getattr(options, field.name) for field in dataclasses.fields(options)]
+    digests = []
+    for value in values:
+        with suppress(OSError, ValueError):  # no path, or none that may be read
+            if isinstance(value, str) and value and Path(value).is_file():
+                with Path(value).open("rb") as file:
+                    digests.append(hashlib.file_digest(file, "sha256").hexdigest())
+    return f" {hashlib.sha256(''.join(digests).encode()).hexdigest()[:12]}" if digests else ""
 
 
 def _of(thing: Any) -> str:

@@ -43,6 +43,28 @@ def test_other_weights_are_noticed(tmp_path: Path) -> None:
     assert set(ResultsFolder(out).manifest()["settings"]["models"]) == {agent, "layout-tour"}
 
 
+def test_files_that_an_own_agent_is_given_are_noticed(tmp_path: Path) -> None:
+    """Weights of a user's own network, by the option that names their file."""
+    weights, out = tmp_path / "weights.json", tmp_path / "out"
+    (tmp_path / "mine.py").write_text(
+        "import json\n"
+        "class Mine:\n"
+        "    def __init__(self, path: str = '', also: str = 'no file'):\n"
+        "        self.turn = json.load(open(path))\n"
+        "    def reset(self, seed):\n"
+        "        pass\n"
+        "    def act(self, decision):\n"
+        "        return self.turn % len(decision.frontiers)\n"
+    )
+    weights.write_text("0")
+    config = dataclasses.replace(CONFIG, agents=(f"{tmp_path}/mine.py:Mine:path={weights}",))
+    assert run_benchmark(config, out).ran == 1
+    assert run_benchmark(config, out).ran == 0
+    weights.write_text("1")
+    with pytest.raises(ResultsError, match=r"settings\.models\..*mine\.py"):
+        run_benchmark(config, out)
+
+
 def test_models_that_were_not_noted_may_be_others(tmp_path: Path) -> None:
     out = tmp_path / "out"
     config = dataclasses.replace(CONFIG, agents=("nearest", "layout-tour"))
