@@ -326,7 +326,7 @@ def _oddity(value: Any, meant: Any, error: Exception) -> str:
         if told := getattr(value, "fault", ""):
             return str(told)
     if isinstance(value, Iterator):
-        return "is a generator"
+        return "" if typing.get_origin(meant) is Iterable else "is a generator"
     if isinstance(value, range):
         return f"is {value}" if len(value) > 1e6 else ""
     if isinstance(value, (bytearray, list, tuple)) and typing.get_origin(meant) is np.ndarray:
