@@ -10,7 +10,7 @@ import inspect
 import operator
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, cast
 
 import gymnasium
 import numpy as np
@@ -80,7 +80,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         config: SimulationConfig,
         *,
         randomisation: Randomisation | None,
-        predictor: str | Predictor | None,
+        predictor: object,
         reward_function: str | Reward,
         viewer: Viewer,
         watches_rooms: bool = False,
@@ -91,7 +91,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         self.progress = 1.0
         self._randomisation = randomisation
         self._plans = PlanSource(plan)
-        self._predictor = _named(predictor) if isinstance(predictor, str) else predictor
+        self._predictor = _predictor(predictor)
         self._reward = reward(reward_function)
         self._counts_visits = reads_rooms(self._reward)
         self._reads_foresight = self._predictor is not None and reads_foresight(self._reward)
@@ -108,6 +108,11 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         if self._simulation is None:
             raise ResetNeeded("call reset() before anything else")
         return self._simulation
+
+    @property
+    def plan_name(self) -> str:
+        """The name of the episode's floor plan; `envs.call("plan_name")` asks a vector environment."""
+        return self.simulation.plan.name
 
     def render(self) -> Bytes | str | None:
         """A frame uint8 (height, width, 3), a text, or None, by the render mode."""
@@ -172,7 +177,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         )
         self._remember()
         truncated = self.stop_reason in _TRUNCATING
-        return float(self._reward(transition)), self._over and not truncated, truncated
+        return _number(self._reward(transition)), self._over and not truncated, truncated
 
     def _watch(self) -> int:
         """The rooms that were finished, if the reward reads them; the ledger, if any, notes what was seen."""
@@ -255,10 +260,21 @@ def configure(simulation: SimulationConfig | None, **overrides: Any) -> Simulati
     return replace(simulation or SimulationConfig(), **changes)
 
 
-def _named(predictor: str) -> Predictor | None:
+def _predictor(given: object) -> Predictor | None:
+    """What was given as a predictor, a name or what has `rooms(decision)`, as one."""
+    if given is None or (callable(getattr(given, "predict", None)) and not isinstance(given, type)):
+        return cast("Predictor | None", given)
     from layoutexplore.predictors import make_predictor
 
-    return make_predictor(predictor)
+    return make_predictor(given)
+
+
+def _number(reward: object) -> float:
+    """What a reward function has returned, which may be the user's own."""
+    try:
+        return float(cast(Any, reward))
+    except (TypeError, ValueError):
+        raise ConfigError(f"a reward function returns a number, got {shortened(reward)}") from None
 
 
 def _start(value: Any) -> Pose | None:

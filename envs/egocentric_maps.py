@@ -13,7 +13,8 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import checks_making
-from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 
@@ -254,3 +255,43 @@ def _borders(low: float, pixels_per_cell: float, size: int, count: int) -> Ints:
     for k in range(size + 1):
         borders[k] = min(max(0, int(np.ceil(low + k / pixels_per_cell - 0.5))), count)
     return borders
+
+
+def layout_marks(decision: Decision, rooms: str = "sketched") -> Bytes:
+    """What the layout predicts of the cells that are not known, as bits uint8 (rows, cols).
+
+    Args:
+        decision: A decision with predicted rooms.
+        rooms: "sketched" or "completed" (see `ObservationConfig`).
+    """
+    predicted = decision.rooms
+    assert predicted is not None
+    # Rooms of a predictor of one's own may know no sketch.
+    sketched = rooms == "sketched" and hasattr(predicted, "sketch")
+    labels = predicted.sketch if sketched else predicted.labels
+    closed = np.zeros(int(labels.max(initial=0)) + 1, np.bool_)
+    for frontier in decision.frontiers:
+        if frontier.is_closed and frontier.room is not None and 0 < frontier.room < len(closed):
+            closed[frontier.room] = True
+    marks = np.zeros(labels.shape, np.uint8)
+    _mark_rooms(decision.grid.cells, labels, closed, marks)
+    return marks
+
+
+@njit(cache=True, nogil=True)
+def _mark_rooms(cells: Cells, labels: Ints32, closed: Mask, marks: Bytes) -> None:
+    """Mark unknown cells of rooms, of closed rooms, and those whose room ends towards the next row or column.
+
+    The outline lies on the cell of the lower row or column, whichever side of it is a room.
+    """
+    rows, cols = cells.shape
+    for r in range(rows):
+        for c in range(cols):
+            if cells[r, c] != -1:
+                continue
+            label, bits = labels[r, c], 0
+            if label > 0:
+                bits = ROOM | (CLOSED if closed[label] else 0)
+            if (r + 1 < rows and labels[r + 1, c] != label) or (c + 1 < cols and labels[r, c + 1] != label):
+                bits |= WALL
+            marks[r, c] = bits

@@ -17,7 +17,7 @@ from layoutexplore.envs.privileged import PrivilegedView
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.envs.viewer import Viewer
 from layoutexplore.errors import ConfigError, checks_making
-from layoutexplore.frontiers.decision import STOP, Predictor
+from layoutexplore.frontiers.decision import STOP
 from layoutexplore.grids.arrays import Cells, Mask
 from layoutexplore.options import COUNT, NON_NEGATIVE, check_kind
 from layoutexplore.sensing.lidar import LidarConfig
@@ -48,7 +48,8 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     The valid actions stand in `observation["action_mask"]`, in `info["action_mask"]` (both int8) and in
     `env.unwrapped.action_masks()` (bool, as sb3-contrib's `MaskablePPO` wants it). An invalid action moves
     nothing, costs `invalid_penalty` and is counted; after `max_invalid_actions` of them the episode is
-    truncated. When there are more frontiers than slots, the farthest are left out.
+    truncated. When there are more frontiers than slots, the farthest are left out. Stopping is valid only
+    where no frontier is left with `ObservationConfig(early_stop=False)`.
 
     ## Observation Space
     `Dict`; images are uint8 and channel first, vectors float32. Lengths are in units of 10 m, areas of 10 m²
@@ -113,7 +114,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
 
     | Name | Reward of a step |
     |---|---|
-    | `path_length` (default) | -10 * metres / budget; at the end +10 when all is seen, else +5 * coverage |
+    | `path_length` (default) | -10 * metres / budget; +10 at the goal or without frontiers, else +5 * coverage |
     | `path_to_marks` | -(metres before 95 % + before 99 % coverage) / (0.2 * (100 m + 1 m per m² of floor)) |
     | `area` | m² that became known |
     | `area_per_metre` | the same per metre travelled |
@@ -131,7 +132,8 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     After `reset` and every `step`: `coverage` (0 ... 1), `distance` (m), `known_area` (m²), `decisions`,
     `scans`, `stop_reason` (index into `STOP_REASONS`; 0 while the episode goes on), `plan_index` (which of
     the plans; -1 when it came through the options), `simulation_seed` (replays the episode in a
-    `Simulation`), `frontier_count`, `invalid_actions`, `action_mask`.
+    `Simulation`), `frontier_count`, `invalid_actions`, `action_mask`. The floor plan's name is
+    `env.unwrapped.plan_name`, of many `envs.call("plan_name")`.
 
     ## Arguments
     ```python
@@ -150,7 +152,8 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `robot_radius` | metres (0.2) |
     | `simulation` | a `SimulationConfig` for everything else; the three above override it |
     | `randomisation` | a `Randomisation`: sensors, noise and radii that change from episode to episode |
-    | `predictor` | the name of a layout predictor (`layout`, `oracle`, `none`, ...), a predictor, or None |
+    | `predictor` | the name of a layout predictor (`layout`, `oracle`, `none`, ...), an object or class of |
+    | | your own with `rooms(decision)` or `predict(decision)`, or None |
     | `reward` | a name or a callable |
     | `observation` | an `ObservationConfig` |
     | `invalid_penalty` | subtracted from the reward of an invalid action (0.1) |
@@ -175,7 +178,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         robot_radius: float | None = None,
         simulation: SimulationConfig | None = None,
         randomisation: Randomisation | None = None,
-        predictor: str | Predictor | None = None,
+        predictor: object = None,
         reward: str | Reward = "path_length",
         observation: ObservationConfig | None = None,
         invalid_penalty: float = 0.1,

@@ -23,7 +23,7 @@ from layoutexplore.errors import checks_calls
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import FrontierTable
 from layoutexplore.frontiers.tour_features import TourConfig, tour_features
-from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.options import FLAG, Rule, check, check_kind
 
@@ -83,7 +83,10 @@ the length of a tour over these and of its parts up to 95 and 99 % coverage (est
 metres that may be travelled.
 """
 
-_SWITCHES = ("local_map", "global_map", "layout_channels", "foresight", "detour", "privileged")
+_SWITCHES = (
+    *("local_map", "global_map", "layout_channels", "foresight", "detour", "privileged"),
+    "early_stop",
+)
 _PIXELS, _SCALE = Rule(kind=int, low=8, high=2048), Rule(low=1e-6, high=1e6)
 
 
@@ -114,6 +117,8 @@ class ObservationConfig:
         privileged: Whether the environment adds the entry `privileged`, what only the floor plan tells (see
             `layoutexplore.envs.privileged`): for the critic of an actor-critic in training, never for the
             policy. An agent that acts from decisions alone sees zeros there.
+        early_stop: Whether stopping is valid while there are frontiers. A policy that begins by chance
+            stops by chance, and may learn to stop at once before it learns to explore.
         length_scale: Metres that count as 1 in the vectors.
         area_scale: Square metres that count as 1 in the vectors.
 
@@ -134,6 +139,7 @@ class ObservationConfig:
     detour: bool = False
     tour: TourConfig = field(default_factory=TourConfig)
     privileged: bool = False
+    early_stop: bool = True
     length_scale: float = 10.0
     area_scale: float = 10.0
 
@@ -216,7 +222,7 @@ class Observer:
         config, pose = self.config, decision.pose
         observation: Observation = {
             "frontiers": encode_frontiers(decision, config),
-            "action_mask": action_mask(decision, config.max_frontiers),
+            "action_mask": action_mask(decision, config.max_frontiers, early_stop=config.early_stop),
         }
         if config.privileged:
             shown = np.zeros(len(PRIVILEGED_FEATURES), np.float32) if privileged is None else privileged
@@ -260,7 +266,7 @@ class Observer:
         layout = decision.rooms is not None and self.config.layout_channels
         marks = self._trail.marks.copy()
         if layout:
-            marks |= layout_marks(decision, self.config.rooms)
+            marks |= map_images.layout_marks(decision, self.config.rooms)
         if self.config.foresight:
             foreseen.mark_foreseen(
                 decision, marks, self.config.channels.index(foreseen.FORESIGHT_CHANNELS[0])
@@ -271,51 +277,14 @@ class Observer:
         return marks
 
 
-def layout_marks(decision: Decision, rooms: str = "sketched") -> Bytes:
-    """What the layout predicts of the cells that are not known, as bits uint8 (rows, cols).
+def action_mask(decision: Decision, max_frontiers: int, *, early_stop: bool = True) -> Cells:
+    """Which actions are valid, int8 (max_frontiers + 1,): the frontiers in their slots, and to stop.
 
-    Args:
-        decision: A decision with predicted rooms.
-        rooms: "sketched" or "completed" (see `ObservationConfig`).
+    Without `early_stop` that is valid only where there is no frontier.
     """
-    predicted = decision.rooms
-    assert predicted is not None
-    # Rooms of a predictor of one's own may know no sketch.
-    sketched = rooms == "sketched" and hasattr(predicted, "sketch")
-    labels = predicted.sketch if sketched else predicted.labels
-    closed = np.zeros(int(labels.max(initial=0)) + 1, np.bool_)
-    for frontier in decision.frontiers:
-        if frontier.is_closed and frontier.room is not None and 0 < frontier.room < len(closed):
-            closed[frontier.room] = True
-    marks = np.zeros(labels.shape, np.uint8)
-    _mark_rooms(decision.grid.cells, labels, closed, marks)
-    return marks
-
-
-@njit(cache=True, nogil=True)
-def _mark_rooms(cells: Cells, labels: Ints32, closed: Mask, marks: Bytes) -> None:
-    """Mark unknown cells of rooms, of closed rooms, and those whose room ends towards the next row or column.
-
-    The outline lies on the cell of the lower row or column, whichever side of it is a room.
-    """
-    rows, cols = cells.shape
-    for r in range(rows):
-        for c in range(cols):
-            if cells[r, c] != -1:
-                continue
-            label, bits = labels[r, c], 0
-            if label > 0:
-                bits = map_images.ROOM | (map_images.CLOSED if closed[label] else 0)
-            if (r + 1 < rows and labels[r + 1, c] != label) or (c + 1 < cols and labels[r, c + 1] != label):
-                bits |= map_images.WALL
-            marks[r, c] = bits
-
-
-def action_mask(decision: Decision, max_frontiers: int) -> Cells:
-    """Which actions are valid, int8 (max_frontiers + 1,): the frontiers in their slots, and to stop."""
     mask = np.zeros(max_frontiers + 1, np.int8)
     mask[: len(decision.frontiers)] = 1
-    mask[max_frontiers] = 1
+    mask[max_frontiers] = early_stop or not decision.frontiers
     return mask
 
 

@@ -59,6 +59,8 @@ Reward = Callable[[Transition], float]
 def path_length(transition: Transition) -> float:
     """Minus the metres travelled as a share of the budget, times 10; at the end 10 when all is explored.
 
+    All is explored where the coverage reaches its goal, or no frontier is left, whatever was missed.
+
     Every metre costs the same whenever it is walked, so the return is highest for the shortest complete
     exploration. An end before everything is explored earns half the bonus times the coverage: always less
     than finishing, unless that would take more than half of the budget.

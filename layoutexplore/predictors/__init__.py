@@ -190,7 +190,8 @@ def predictor_names() -> list[str]:
 def make_predictor(spec: object) -> Predictor | None:
     """A predictor from `NAME`, `NAME:key=value,...`, `FILE.py:CLASS` or `package.module:CLASS`.
 
-    None for "none". What is a predictor already is handed back, with what it need not write itself.
+    None for "none". What is a predictor already is handed back, with what it need not write itself; a class
+    of a user's own is made without arguments.
 
     Raises:
         UnknownNameError: There is no predictor of that name.
@@ -203,7 +204,8 @@ def make_predictor(spec: object) -> Predictor | None:
         >>> make_predictor("none")
     """
     if not isinstance(spec, str):
-        return predictor_of_own_code(type(spec).__name__, spec)
+        made = spec() if isinstance(spec, type) else spec
+        return predictor_of_own_code(type(made).__name__, made)
     return None if spec == "none" else make_room_predictor(spec)
 
 

@@ -188,7 +188,10 @@ def checked_config(config: SimulationConfig | None, predictor: Predictor | None)
     """
     check_kind("config", config, SimulationConfig, optional=True)
     if predictor is not None and not callable(getattr(predictor, "predict", None)):
-        raise ConfigError(f"predictor must have a method predict(decision), got {shortened(predictor)}")
+        raise ConfigError(
+            f"predictor must have a method predict(decision), got {shortened(predictor)}: "
+            "layoutexplore.predictors.make_predictor makes one of a name, or of what has rooms(decision)"
+        )
     return config or SimulationConfig()
 
 

@@ -196,6 +196,35 @@ def test_the_mask_is_the_same_in_three_places() -> None:
     assert masks[env.action_space.sample(mask=observation["action_mask"])]
 
 
+def test_stopping_early_can_be_ruled_out() -> None:
+    env = make(FRONTIER, observation=ObservationConfig(early_stop=False)).unwrapped
+    observation, info = env.reset(seed=1)
+    stop, distance = len(info["action_mask"]) - 1, info["distance"]
+    assert info["frontier_count"] and not observation["action_mask"][stop]
+    *_, terminated, truncated, info = env.step(stop)
+    assert not (terminated or truncated) and (info["invalid_actions"], info["distance"]) == (1, distance)
+    while not (terminated or truncated):
+        assert info["action_mask"][stop] == (info["frontier_count"] == 0)
+        *_, terminated, truncated, info = env.step(0)
+    assert STOP_REASONS[info["stop_reason"]] in ("coverage", "no_frontier")
+
+
+def test_an_episode_tells_its_plan() -> None:
+    env = make(FRONTIER).unwrapped
+    with pytest.raises(ResetNeeded):
+        _ = env.plan_name
+    env.reset(seed=1)
+    assert env.plan_name == env.simulation.plan.name != ""
+
+
+@pytest.mark.parametrize("returned", [None, "much", [1.0, 2.0]])
+def test_a_reward_that_is_no_number_is_named(returned: Any) -> None:
+    env = make(FRONTIER, reward=lambda transition: returned).unwrapped
+    env.reset(seed=1)
+    with pytest.raises(ConfigError, match="a reward function returns a number, got"):
+        env.step(0)
+
+
 def test_an_invalid_action_moves_nothing_and_costs() -> None:
     env = make(FRONTIER, max_invalid_actions=3, invalid_penalty=0.25).unwrapped
     observation, _ = env.reset(seed=0)

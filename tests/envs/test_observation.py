@@ -28,7 +28,6 @@ from layoutexplore.envs.observation import (
     ObservationConfig,
     Observer,
     encode_frontiers,
-    layout_marks,
 )
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision
@@ -264,7 +263,7 @@ def test_a_layout_fills_its_channels_where_nothing_is_known(decision: Decision) 
         replace(decision.frontiers[1], is_closed=False, room=1),
     )
     predicted = replace(decision, rooms=SimpleNamespace(labels=labels), frontiers=closed)
-    marks = layout_marks(predicted)
+    marks = map_images.layout_marks(predicted)
     unknown = decision.grid.cells == UNKNOWN
     np.testing.assert_array_equal(marks & map_images.ROOM > 0, (labels > 0) & unknown)
     np.testing.assert_array_equal(marks & map_images.CLOSED > 0, (labels == 2) & unknown)
@@ -281,7 +280,7 @@ def test_maps_show_sketched_or_completed_rooms(decision: Decision) -> None:
     unknown = decision.grid.cells == UNKNOWN
     assert unknown[5:15, 5:25].any()
     for rooms, drawn in (("sketched", sketch), ("completed", labels)):
-        marks = layout_marks(predicted, rooms)
+        marks = map_images.layout_marks(predicted, rooms)
         np.testing.assert_array_equal(marks & map_images.ROOM > 0, (drawn > 0) & unknown)
     images = [
         Observer(ObservationConfig(rooms=rooms)).observe(predicted)["global_map"]
@@ -303,7 +302,7 @@ def test_marks_of_rooms_follow_their_rules(seed: int) -> None:
     )
     rooms = SimpleNamespace(labels=labels, sketch=labels)
     decision: Any = SimpleNamespace(grid=grid, frontiers=frontiers, rooms=rooms, pose=pose)
-    marks = layout_marks(decision)
+    marks = map_images.layout_marks(decision)
     for (r, c), mark in np.ndenumerate(marks):
         expected = 0
         if grid.cells[r, c] == UNKNOWN:

@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS
 from layoutexplore.envs.observation import (
@@ -17,7 +18,7 @@ from layoutexplore.envs.observation import (
     Observer,
 )
 from layoutexplore.envs.room_progress import RoomDistances
-from layoutexplore.errors import UnknownNameError
+from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.frontiers.decision import STOP, Decision
 from layoutexplore.planning.shortest_paths import distance_matrix, geodesic_distances
 from layoutexplore.predictors import make_predictor
@@ -207,3 +208,22 @@ def test_predictors_by_name_and_as_objects_are_the_same() -> None:
     np.testing.assert_array_equal(named.step(0)[0]["frontiers"], given.step(0)[0]["frontiers"])
     with pytest.raises(UnknownNameError, match="layout"):
         make(predictor="layouts")
+
+
+class WholeHall:
+    """A user's own predictor: all that is known is one room."""
+
+    def rooms(self, decision: Decision) -> NDArray[np.int32]:
+        """One room."""
+        return (decision.grid.cells == 0).astype(np.int32)
+
+
+@pytest.mark.parametrize("given", [WholeHall, WholeHall()])
+def test_what_has_rooms_is_a_predictor(given: object) -> None:
+    env = make(predictor=given)
+    observation, _ = env.reset(seed=2)
+    assert (named_columns(observation)["class"] != 0.0).any()
+    with pytest.raises(ConfigError, match="neither rooms"):
+        make(predictor=object())
+    with pytest.raises(ConfigError, match="make_predictor"):
+        Simulation("apartment-01", predictor=given)  # type: ignore[arg-type]
