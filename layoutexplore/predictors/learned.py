@@ -14,6 +14,7 @@ otherwise is looked at as it is when turned upright (`predictors.upright`).
 from __future__ import annotations
 
 import math
+import os
 from functools import cached_property
 from pathlib import Path
 
@@ -156,14 +157,18 @@ class LearnedPredictor:
         UnknownNameError: No such layout method.
     """
 
+    remembers = True
+    """The angle at which a map stands upright is held while another is hardly clearer."""
+
     def __init__(
         self,
-        folder: Path | None = None,
+        folder: str | os.PathLike[str] | None = None,
         *,
         network: bool = True,
         rooms: str = DOORWAYS,
         called: str = "layout",
     ) -> None:
+        folder = None if folder is None else Path(folder)
         changed = [f"model={folder}"] * (folder is not None) + ["network=off"] * (not network)
         changed += [f"rooms={rooms}"] * (rooms != DOORWAYS)
         self.name = ":".join([called, *([",".join(changed)] if changed else [])])

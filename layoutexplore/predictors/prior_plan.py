@@ -19,7 +19,7 @@ from layoutexplore.frontiers.classes import classify_frontiers
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Cells, Ints32
-from layoutexplore.grids.grid import FREE, UNKNOWN
+from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.options import SHARE, check_kind, split_pairs
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_classes
@@ -84,6 +84,8 @@ class PriorPredictor:
         self.confidence = 0.0
         self._believed = False
         self._on_map = PlanOnMap()
+        self._asked: tuple[OccupancyGrid, int, int] | None = None
+        self._foreseen: Foresight | None = None
         if self._prior is not None:
             self.registration = Registration(self._prior)
 
@@ -103,6 +105,7 @@ class PriorPredictor:
     def _begin(self, prior: PriorPlan) -> None:
         self.registration, self.confidence, self._on_map = Registration(prior), 0.0, PlanOnMap()
         self._believed = False
+        self._asked = self._foreseen = None
 
     @property
     def shows_truth(self) -> bool:
@@ -131,7 +134,13 @@ class PriorPredictor:
         return found if foreseen is None else _joined(found, foreseen, decision)
 
     def _foresee(self, decision: Decision) -> Foresight | None:
-        """What is foreseen; None while the plan is not believed."""
+        """What is foreseen; None while the plan is not believed. The plan is registered once a decision."""
+        asked = decision.grid, decision.step, len(decision.track)
+        if self._asked is None or self._asked[0] is not asked[0] or self._asked[1:] != asked[1:]:
+            self._asked, self._foreseen = asked, self._registered(decision)
+        return self._foreseen
+
+    def _registered(self, decision: Decision) -> Foresight | None:
         if self.registration is None or self.registration.prior.unused:
             return None  # no run has begun from whose plan one could be made, or it tells nothing
         if decision.step == 0 and len(decision.track):

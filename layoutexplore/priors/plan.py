@@ -18,7 +18,7 @@ import shapely
 from shapely import Polygon
 
 from layoutexplore.errors import ConfigError, MapError, checks_arguments, checks_calls
-from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask, shows_shapes
 from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.sizes import check_ids
@@ -88,6 +88,7 @@ class PriorHints:
 
 
 @checks_calls
+@shows_shapes
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PriorPlan:
     """A plan of a building in a frame of its own.
@@ -247,8 +248,8 @@ def expected_scale(prior: PriorPlan) -> tuple[float, float]:
 def _door_widths(prior: PriorPlan) -> Floats:
     """Widths in metres of the openings between rooms."""
     # At a metre a cell gaps are small enough for doorways whatever the scale is.
-    side = np.sqrt(np.median(np.bincount(prior.room_ids[prior.room_ids > 0])[1:]))
-    unit = ROOM_SIDE / max(float(side), 1.0)
+    cells = np.bincount(prior.room_ids[prior.room_ids > 0])
+    unit = ROOM_SIDE / max(math.sqrt(float(np.median(cells[cells > 0]))), 1.0)
     doors = trace_doors(PlanRaster(~prior.free, prior.room_ids, unit))
     widths = np.array([door.width for door in doors], np.float64)
     return widths[widths >= LEAST_DOOR_SHARE * ROOM_SIDE] * prior.resolution / unit

@@ -55,6 +55,21 @@ def test_without_belief_the_shipped_predictor_speaks(kind: str) -> None:
             assert np.array_equal(getattr(mine.table, name), getattr(shipped.table, name))
 
 
+def test_to_be_asked_for_rooms_as_well_changes_nothing() -> None:
+    def confidences(*, asks: bool) -> list[float]:
+        predictor = predictor_of_prior("true")
+        simulation = Simulation(office(), SimulationConfig(sensor="indoor"), predictor)
+        decision, found = simulation.reset(seed=3), []
+        for _ in range(4):
+            if asks:
+                predictor.rooms(decision)
+            found.append(predictor.confidence)
+            decision = simulation.step(0)
+        return found
+
+    assert confidences(asks=True) == confidences(asks=False) != [0.0] * 4
+
+
 def test_the_seed_of_the_run_decides_the_plan() -> None:
     predictor = predictor_of_prior("rough")
     simulation = Simulation(office(), SimulationConfig(sensor="stage"), predictor)

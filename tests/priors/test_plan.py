@@ -49,6 +49,12 @@ def test_the_expected_scale_does_not_depend_on_the_unit(factor: float) -> None:
     assert 0.7 < expected_scale(prior)[0] < 1.4
 
 
+def test_the_expected_scale_does_not_depend_on_the_numbers_of_the_rooms() -> None:
+    prior = prior_of_plan(office())
+    apart = replace(prior, room_ids=3 * prior.room_ids)
+    assert expected_scale(apart) == expected_scale(prior)
+
+
 def test_rooms_alone_get_doors_and_a_scale() -> None:
     polygons = [shapely.affinity.scale(room.polygon, 40, 40, origin=(0, 0)) for room in office().rooms]
     prior = prior_of_rooms(polygons)
