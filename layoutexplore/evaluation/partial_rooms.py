@@ -38,6 +38,7 @@ class RoomScore:
         plan: Floor plan.
         building: Floors of one building share it.
         sensor: Sensor.
+        seed: Of the start: those of one plan and sensor tell its explorations apart.
         coverage: Of the snapshot.
         predictor: Who predicted.
         room: Id of the true room.
@@ -53,6 +54,7 @@ class RoomScore:
     plan: str
     building: str
     sensor: str
+    seed: int
     coverage: float
     predictor: str
     room: int
@@ -67,13 +69,19 @@ class RoomScore:
 
 @dataclass(frozen=True, kw_only=True)
 class FrontierScore:
-    """One judged frontier; areas in m2, `confidence` is the stated probability that the class is right."""
+    """One judged frontier; areas in m2, `confidence` is the stated probability that the class is right.
+
+    `x` and `y` are its middle in metres, `seed` is that of the start.
+    """
 
     plan: str
     building: str
     sensor: str
+    seed: int
     coverage: float
     predictor: str
+    x: float
+    y: float
     closed: bool
     true_closed: bool
     area: float
@@ -184,6 +192,7 @@ def _score_room(snapshot: Snapshot, item: Item, rooms: RoomLabels, predictor: st
         plan=snapshot.plan,
         building=snapshot.building,
         sensor=snapshot.sensor,
+        seed=snapshot.seed,
         coverage=snapshot.coverage,
         predictor=predictor,
         room=item.room,
@@ -241,8 +250,11 @@ def _score_frontiers(snapshot: Snapshot, judged: Decision, predictor: str) -> li
             plan=snapshot.plan,
             building=snapshot.building,
             sensor=snapshot.sensor,
+            seed=snapshot.seed,
             coverage=snapshot.coverage,
             predictor=predictor,
+            x=float(frontier.centroid[0]),
+            y=float(frontier.centroid[1]),
             closed=bool(frontier.is_closed),
             true_closed=bool(true.is_closed[k]),
             area=float(frontier.expected_area or 0.0),

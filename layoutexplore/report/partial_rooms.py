@@ -155,7 +155,10 @@ def write_partial_rooms_report(
     (out / "pictures").mkdir(parents=True, exist_ok=True)
     tables = {
         "rooms.csv": [dataclasses.asdict(row) for row in scores.rooms],
-        "frontiers.csv": [dataclasses.asdict(row) for row in scores.frontiers],
+        "frontiers.csv": [
+            dataclasses.asdict(row) | {"leftover": row.leftover, "true_leftover": row.true_leftover}
+            for row in scores.frontiers
+        ],
         "summary.csv": _flat(summary),
     }
     written = [out / "report.html"]

@@ -247,6 +247,11 @@ def test_partial_rooms_page(tmp_path: Path) -> None:
         for r in csv.DictReader((out / "summary.csv").open())
     }
     assert float(measures["oracle", "frontiers", "all", "leftover_accuracy"]) == 1.0
+    judged = [r for r in csv.DictReader((out / "frontiers.csv").open()) if r["predictor"] == "layout"]
+    right = sum(r["leftover"] == r["true_leftover"] for r in judged) / len(judged)
+    assert right == pytest.approx(float(measures["layout", "frontiers", "all", "leftover_accuracy"]))
+    places = {(r["plan"], r["sensor"], r["seed"], r["coverage"], r["x"], r["y"]) for r in judged}
+    assert len(places) == len(judged)
     assert list((out / "pictures").glob("best_*.png"))
 
 

@@ -243,7 +243,9 @@ def test_the_headline_says_no_more_than_is_known(
 ) -> None:
     rows = [row for row in folder.rows() if row.agent != "clairvoyant" and row.sensor == "stage"]
     of_plan = dict(zip(sorted({row.plan for row in rows}), factors, strict=True))
-    metres = {(row.agent, row.plan): 10.0 * (of_plan[row.plan] if row.agent == "random" else 1) for row in rows}
+    metres = {
+        (row.agent, row.plan): 10.0 * (of_plan[row.plan] if row.agent == "random" else 1) for row in rows
+    }
     rows = [dataclasses.replace(row, d95=metres[row.agent, row.plan]) for row in rows]
     view = report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
     doubted = "may be chance" in view["verdict"]
