@@ -85,28 +85,33 @@ def _meet(
     share: float,
     wide: int,
 ) -> int:
-    """The basin of a cell where basins meet, once those that are one here are united; 0 for a new peak."""
+    """The basin of a cell where basins meet, once those that are one here are united; 0 for a new peak.
+
+    The cell goes where its highest neighbour is. Along a wall all cells are equally high: a basin that took
+    what it touches would run along the wall of the next room.
+    """
     around = (-cols - 1, -cols, -cols + 1, -1, 1, cols - 1, cols, cols + 1)
     # the cells beside a step: a diagonal one needs both
     one_side = (-cols, -cols, -cols, -1, 1, cols, cols, cols)
     other_side = (-1, -cols, 1, -1, 1, -1, cols, 1)
     h = int(levels[i])
-    best = same = 0  # `same` is a label of the basin `best`
-    for k in range(8):
+    best = uphill = top = 0  # `uphill` is the label of the highest neighbour, straight ones first
+    for k in (1, 3, 4, 6, 0, 2, 5, 7):
         label = labels[i + around[k]]
-        if label == same or label == 0 or levels[i + one_side[k]] == 0 or levels[i + other_side[k]] == 0:
+        if label == 0 or levels[i + one_side[k]] == 0 or levels[i + other_side[k]] == 0:
             continue
+        if levels[i + around[k]] > top:
+            uphill, top = label, levels[i + around[k]]
         other = root_of(parent, label)
         if best == 0 or other == best:
-            best, same = other, label
+            best = other
             continue
         # the higher peak takes the lower one in, of equal ones the first
         if peak[other] > peak[best] or (peak[other] == peak[best] and other < best):
-            best, other, same = other, best, label
+            best, other = other, best
         if h >= wide or h >= share * peak[other]:
             parent[other] = best
-            same = label
-    return best
+    return root_of(parent, uphill) if uphill else 0
 
 
 @njit(cache=True, nogil=True)

@@ -27,6 +27,23 @@ def test_a_passage_parts_two_basins_and_a_wide_one_does_not() -> None:
     assert watershed_basins(blocked, 0.1, share=0.85, wide=3.0).max() == 1
 
 
+def test_no_basin_runs_along_the_wall_of_another_room() -> None:
+    """A hall, a corridor and a room that lie flush: along their common wall all distances are equal."""
+    blocked = np.ones((50, 130), np.bool_)
+    blocked[1:41, 1:41] = False  # the hall
+    blocked[1:13, 41:101] = False  # the corridor
+    blocked[1:21, 101:129] = False  # the room
+    hall, room = np.zeros_like(blocked), np.zeros_like(blocked)
+    hall[1:41, 1:35] = room[1:21, 107:129] = True
+    for turns in range(4):
+        for mirrored in (False, True):
+            ways = [np.rot90(mask, turns) for mask in (blocked, hall, room)]
+            turned, in_hall, in_room = (mask[::-1] if mirrored else mask for mask in ways)
+            basins = watershed_basins(turned, 0.1, share=0.85, wide=9.0)
+            assert basins.max() == 2
+            assert {len(np.unique(basins[mask])) for mask in (in_hall, in_room)} == {1}
+
+
 def test_chinks_of_unknown_space_are_closed_and_wide_ones_stay() -> None:
     cells = np.zeros((60, 60), np.int8)
     cells[:, 20:24] = -1
