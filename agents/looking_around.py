@@ -13,6 +13,7 @@ from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import remaining_share
 from layoutexplore.grids.grid import Cell
 from layoutexplore.planning.first_steps import first_steps
+from layoutexplore.simulation.config import SimulationConfig
 
 LOOK_EVERY = (
     "metres after which the robot looks all around on its way, where that shows more and turning is free"
@@ -23,8 +24,8 @@ LOOK_EVERY = (
 STILL_THERE = 0.5
 """Metres that the middle of a frontier may have moved and be the same one, after a few steps towards it."""
 
-HARDLY = 0.1
-"""Share of what a walk is for: where less is left to see, it has seen that (a simulation's `gone_share`)."""
+HARDLY = SimulationConfig.gone_share
+"""Share of what a walk is for: where less is left to see, it has seen that."""
 
 
 class LookingAround:

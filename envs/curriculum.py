@@ -126,11 +126,15 @@ class PlanSampler:
 class Randomisation:
     """What changes from episode to episode besides plan and start; each is drawn from the values listed.
 
+    What is drawn stands instead of what the environment's own configuration says, also where that is a level
+    of noise or where 0 is drawn.
+
     Attributes:
         sensors: Presets; none leaves the environment's own.
-        range_noise: Standard deviations of the ranges in metres.
-        dropout: Probabilities that a beam fails.
-        drift: Odometry noise: metres per metre, and a tenth of it in radians per metre.
+        range_noise: Standard deviations of the ranges in metres; None leaves that of the sensor.
+        dropout: Probabilities that a beam fails; None leaves that of the sensor.
+        drift: Odometry noise: metres per metre, and a tenth of it in radians per metre; None leaves the
+            environment's own.
         robot_radius: Radii in metres; none leaves the environment's own.
 
     Raises:
@@ -138,9 +142,9 @@ class Randomisation:
     """
 
     sensors: tuple[str, ...] = ()
-    range_noise: tuple[float, ...] = (0.0,)
-    dropout: tuple[float, ...] = (0.0,)
-    drift: tuple[float, ...] = (0.0,)
+    range_noise: tuple[float, ...] | None = None
+    dropout: tuple[float, ...] | None = None
+    drift: tuple[float, ...] | None = None
     robot_radius: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
@@ -149,27 +153,29 @@ class Randomisation:
             sensor(name)
         check(
             self,
-            range_noise=Rule(count=-1, low=0.0, high=10.0),
-            dropout=Rule(count=-1, low=0.0, high=0.99),
-            drift=Rule(count=-1, low=0.0, high=1.0),
+            range_noise=Rule(count=-1, low=0.0, high=10.0, optional=True),
+            dropout=Rule(count=-1, low=0.0, high=0.99, optional=True),
+            drift=Rule(count=-1, low=0.0, high=1.0, optional=True),
             robot_radius=Rule(count=-1, low=0.01, high=2.0),
         )
         for name in ("range_noise", "dropout", "drift"):
-            if not getattr(self, name):
-                raise ConfigError(f"{name}: list at least one value")
+            if getattr(self, name) == ():
+                raise ConfigError(f"{name}: list at least one value, or leave it out")
 
     def draw(self, rng: np.random.Generator, config: SimulationConfig) -> SimulationConfig:
         """The configuration of an episode."""
-        lidar = sensor(_one(self.sensors, rng)) if self.sensors else config.lidar
-        noise, dropout, drift = (_one(values, rng) for values in (self.range_noise, self.dropout, self.drift))
-        if noise or dropout:
-            lidar = replace(lidar, range_noise_std=noise, dropout=dropout)
-        changes: dict[str, Any] = {"sensor": lidar}
-        if drift:
-            changes["odometry_noise"] = OdometryNoise(translation=drift, rotation=0.1 * drift)
-        if self.robot_radius:
-            changes["robot_radius"] = _one(self.robot_radius, rng)
-        return replace(config, **changes)
+        own = replace(config, sensor=_one(self.sensors, rng)) if self.sensors else config
+        lidar, odometry = own.lidar, own.odometry
+        if self.range_noise is not None:
+            lidar = replace(lidar, range_noise_std=_one(self.range_noise, rng))
+        if self.dropout is not None:
+            lidar = replace(lidar, dropout=_one(self.dropout, rng))
+        if self.drift is not None:
+            drift = _one(self.drift, rng)
+            odometry = OdometryNoise(translation=drift, rotation=0.1 * drift)
+        radius = _one(self.robot_radius, rng) if self.robot_radius else own.robot_radius
+        # A level of noise is spelt out: what was drawn stands instead of its part of it.
+        return replace(own, noise="", sensor=lidar, odometry_noise=odometry, robot_radius=radius)
 
 
 def _one(values: tuple[Any, ...], rng: np.random.Generator) -> Any:

@@ -114,7 +114,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
 
     | Name | Reward of a step |
     |---|---|
-    | `path_length` (default) | -10 * metres / budget; +10 at the goal or without frontiers, else +5 * coverage |
+    | `path_length` (default) | -10 * metres / budget; +10 at the goal or out of frontiers, or 5 * coverage |
     | `path_to_marks` | -(metres before 95 % + before 99 % coverage) / (0.2 * (100 m + 1 m per m² of floor)) |
     | `area` | m² that became known |
     | `area_per_metre` | the same per metre travelled |

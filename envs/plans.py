@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import inspect
+import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
-from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -17,7 +17,7 @@ from layoutexplore.options import check_kind
 MOST_PLANS = 200_000
 """So many floor plans an environment may draw from."""
 
-OnePlan = FloorPlan | str | Path
+OnePlan = FloorPlan | str | os.PathLike[str]
 """A floor plan, or the name or path of one."""
 
 PlanSpec = OnePlan | Sequence[OnePlan] | Callable[[np.random.Generator], FloorPlan]
@@ -90,10 +90,10 @@ def _drawing(function: Any) -> Any:
 def _expand(spec: OnePlan | Sequence[OnePlan]) -> list[FloorPlan | str]:
     if isinstance(spec, FloorPlan):
         return [spec]
-    if isinstance(spec, (str, Path)):
+    if isinstance(spec, (str, os.PathLike)):
         from layoutexplore.maps import expand_plans
 
-        return list(expand_plans(str(spec)))
+        return list(expand_plans(spec))
     if isinstance(spec, Iterator):
         raise ConfigError("plan is a generator, which may never end: put the plans into a list")
     try:

@@ -116,15 +116,16 @@ class RoomDistances:
 
 
 def room_distances(truth: Truth) -> RoomDistances:
-    """The distances of an episode's floor plan, shared by all episodes in the same area of it."""
+    """The distances of an episode's floor plan, shared by all episodes in the same area and region of it."""
     kept = _DISTANCES.setdefault(truth.raster, {})
-    key = (truth.robot_radius, int(np.argmax(truth.reachable)))
+    region = b"" if truth.region is None else np.packbits(truth.region).tobytes()
+    key = (truth.robot_radius, int(np.argmax(truth.reachable)), region)
     if key not in kept:
         kept[key] = RoomDistances(truth)
     return kept[key]
 
 
-_DISTANCES: WeakKeyDictionary[PlanRaster, dict[tuple[float, int], RoomDistances]] = WeakKeyDictionary()
+_DISTANCES: WeakKeyDictionary[PlanRaster, dict[tuple[float, int, bytes], RoomDistances]] = WeakKeyDictionary()
 
 
 def _middle(cells: Ints, reachable: Mask) -> Cell:

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from gymnasium.error import ResetNeeded
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -84,7 +84,7 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
         groups, backend = _grouped(num_envs, backend, workers)
         COUNT.convert("max_episode_steps", 1 if max_episode_steps is None else max_episode_steps)
         setup = WorkerSetup(make, template, groups, self._mode, max_episode_steps)
-        self._workers: Workers = (
+        self._made: Workers = (
             ProcessWorkers(setup)
             if backend == "processes"
             else LocalWorkers(setup, threads=backend == "threads")
@@ -225,7 +225,16 @@ class ExplorationVectorEnv(VectorEnv[Observation, Any, NDArray[Any]]):
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the workers; afterwards no process and no shared memory is left."""
-        self._workers.close()
+        self._made.close()
+
+    @property
+    def _workers(self) -> Workers:
+        """Who steps the environments: nobody any more once they are closed, or have ended by themselves."""
+        if self.closed or self._made.ended:
+            raise ClosedEnvironmentError(
+                f"this {type(self).__name__} of {self.num_envs} environments is closed: make a new one"
+            )
+        return self._made
 
     def _command(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> list[Any]:
         self._workers.start(command, arguments)

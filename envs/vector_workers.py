@@ -11,9 +11,7 @@ import ctypes
 import multiprocessing
 import pickle
 import signal
-import sys
-import types
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
 from multiprocessing.connection import Connection
@@ -29,7 +27,7 @@ from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.vector_buffers import Buffers, EnvironmentGroup
 from layoutexplore.errors import WorkerError
 from layoutexplore.plugins.transport import OwnCode, pack_own_code
-from layoutexplore.processes import single_threaded
+from layoutexplore.processes import single_threaded, without_main
 
 Make = Callable[[], ExplorationEnv[Any]]
 
@@ -64,10 +62,12 @@ class Workers(Protocol):
     Attributes:
         buffers: What all environments write, a row each.
         groups: Half-open ranges of rows, one per worker.
+        ended: Nobody is left to execute a command: they were closed, or a worker died.
     """
 
     buffers: Buffers
     groups: Sequence[tuple[int, int]]
+    ended: bool
 
     def start(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> None:
         """Send a command of `EnvironmentGroup` to every worker, with its arguments."""
@@ -100,6 +100,7 @@ class LocalWorkers:
             EnvironmentGroup(make, self.buffers.rows(*group), autoreset, limit) for group in self.groups
         ]
         self._pool = ThreadPoolExecutor(len(self.groups), thread_name_prefix="envs") if threads else None
+        self.ended = False
         self._answers: list[Any] = []
         self._futures: list[Future[Any]] = []
         self._single: dict[Future[Any], int] = {}
@@ -141,6 +142,7 @@ class LocalWorkers:
 
     def close(self) -> None:
         """Close the environments and end the threads."""
+        self.ended = True
         if self._pool:
             self._pool.shutdown()
         for member in self.members:
@@ -167,7 +169,7 @@ class ProcessWorkers:
             blocks.append(context.RawArray(ctypes.c_uint8, max(1, int(np.prod(shape)) * dtype.itemsize)))
             return _array(blocks[-1], shape, dtype)
 
-        self.groups = groups
+        self.groups, self.ended = groups, False
         self.buffers = Buffers.allocate(template, groups[-1][1], shared)
         self._processes: list[Any] = []
         self._pipes: list[Connection] = []
@@ -175,7 +177,7 @@ class ProcessWorkers:
         made = partial(_make_with, pack_own_code(), make)
         settings = cloudpickle.dumps((made, groups[-1][1], autoreset, limit))
         try:
-            with single_threaded(), _blank_main():
+            with single_threaded(), without_main():
                 for k, group in enumerate(groups):
                     here, there = context.Pipe()
                     process = context.Process(
@@ -244,6 +246,7 @@ class ProcessWorkers:
 
     def close(self) -> None:
         """End the workers: by asking, then by force."""
+        self.ended = True
         for pipe in self._pipes:
             with contextlib.suppress(OSError):
                 pipe.send_bytes(cloudpickle.dumps(("leave", ())))
@@ -275,17 +278,6 @@ class _Failure:
 
     def __init__(self, error: Exception) -> None:
         self.error = error
-
-
-@contextlib.contextmanager
-def _blank_main() -> Iterator[None]:
-    """An empty main module: spawned processes import it, need nothing of it, and it may lack a guard."""
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = types.ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
 
 
 def _array(block: Any, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -17,9 +17,11 @@ if sys.orig_argv[1:3] == ["-m", "layoutexplore"] or Path((*sys.orig_argv, "")[1]
     for _number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(_number, lambda number, frame: os._exit(128 + number))
 
+import functools
 import importlib.abc
 import importlib.machinery
 import importlib.util
+from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -109,29 +111,67 @@ def _register() -> None:
             )
 
 
-class _RegisteredLater(importlib.abc.MetaPathFinder):
-    """Registers the environments as soon as Gymnasium is imported, which few processes do: it takes 11 MB."""
+def _picture(shown: Any) -> bytes | None:
+    """A `_repr_png_`: what a notebook shows of a result. What draws it is loaded for the first one."""
+    png: bytes | None = importlib.import_module("layoutexplore.drawing.notebook").notebook_png(shown)
+    return png
+
+
+def _give_picture(name: str, module: ModuleType) -> None:
+    getattr(module, name)._repr_png_ = _picture
+
+
+class _GoingOn(importlib.abc.Loader):
+    """Loads a module as another loader does, which may be that of many modules, and takes a step more."""
+
+    def __init__(self, loader: importlib.abc.Loader, step: Callable[[ModuleType], None]) -> None:
+        self._loader, self._step = loader, step
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._loader, name)
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType | None:
+        return self._loader.create_module(spec)
+
+    def exec_module(self, module: ModuleType) -> None:
+        module.__loader__ = self._loader
+        if module.__spec__ is not None:
+            module.__spec__.loader = self._loader
+        self._loader.exec_module(module)
+        self._step(module)
+
+
+class _Afterwards(importlib.abc.MetaPathFinder):
+    """Does something as soon as a module has been imported, which few processes do: Gymnasium takes 11 MB.
+
+    Rooms that draw nothing do not know, either, that there are pictures of what is in them.
+    """
+
+    def __init__(self) -> None:
+        self._steps: dict[str, Callable[[ModuleType], None]] = {
+            "gymnasium": lambda module: _register(),
+            **{
+                f"layoutexplore.{_HOMES[name]}": functools.partial(_give_picture, name)
+                for name in ("FloorPlan", "Layout", "OccupancyGrid")
+            },
+        }
+        self._searched: set[str] = set()
 
     def find_spec(
         self, fullname: str, path: Any, target: Any = None
     ) -> importlib.machinery.ModuleSpec | None:
-        if fullname != "gymnasium":
+        if fullname not in self._steps or fullname in self._searched:
             return None
-        sys.meta_path.remove(self)
-        spec = importlib.util.find_spec(fullname)
-        if spec is None or spec.loader is None:
-            return spec
-        load = spec.loader.exec_module
-
-        def load_and_register(module: ModuleType) -> None:
-            load(module)
-            _register()
-
-        spec.loader.exec_module = load_and_register  # type: ignore[method-assign]
+        self._searched.add(fullname)  # the search below asks this finder, too
+        try:
+            spec = importlib.util.find_spec(fullname)
+        finally:
+            self._searched.discard(fullname)
+        if spec is not None and spec.loader is not None:
+            spec.loader = _GoingOn(spec.loader, self._steps[fullname])
         return spec
 
 
+sys.meta_path.insert(0, _Afterwards())
 if "gymnasium" in sys.modules:
     _register()
-else:
-    sys.meta_path.insert(0, _RegisteredLater())

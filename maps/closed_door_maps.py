@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,12 +36,13 @@ class Triple:
 
 
 @checks_arguments
-def find_triples(folder: Path) -> list[Triple]:
+def find_triples(folder: str | os.PathLike[str]) -> list[Triple]:
     """The maps of a folder, by building and number of doors.
 
     Raises:
         MapError: No such folder, no maps in it, or a map without its truth.
     """
+    folder = Path(folder)
     if not (is_there(folder) and folder.is_dir()):
         raise MapError(f"{folder}: no such folder")
     triples = []
@@ -61,12 +63,13 @@ def find_triples(folder: Path) -> list[Triple]:
 
 
 @checks_arguments
-def read_cells(path: Path, shape: tuple[int, int] | None = None) -> Cells:
+def read_cells(path: str | os.PathLike[str], shape: tuple[int, int] | None = None) -> Cells:
     """The cells int8 (rows, cols) of an image, its rows from the top.
 
     Raises:
         MapError: The image is damaged, has other grey levels than the three, or not the expected size.
     """
+    path = Path(path)
     grey = read_image(path)[0]
     if shape is not None and grey.shape != shape:
         raise MapError(

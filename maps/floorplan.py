@@ -12,7 +12,6 @@ is occupied. Walls are filled so that no step between two neighbouring cell cent
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -26,9 +25,10 @@ from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError, checks_calls, shortened
 from layoutexplore.files.limits import limits
-from layoutexplore.grids.arrays import Bytes, Floats, Labels, Mask, label_type
+from layoutexplore.grids.arrays import Bytes, Floats, Labels, Mask, label_type, shows_shapes
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.polygons import Nearness, Point, fill, polygons_of, seal_diagonals
+from layoutexplore.maps.content import geometry_digest, raster_digest
 from layoutexplore.maps.raster import MOST_CELLS, PlanRaster, check_stretch, resample
 from layoutexplore.maps.sizes import MOST_METRES, check_drawing, check_ids, check_plan
 
@@ -76,6 +76,7 @@ class Door:
 
 
 @checks_calls
+@shows_shapes
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FloorPlan:
     """One floor of a building, in metres.
@@ -130,9 +131,8 @@ class FloorPlan:
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
         """(min x, min y, max x, max y) in metres of everything in the plan."""
-        shapes = [room.polygon for room in self.rooms] + [
-            LineString([door.start, door.end]) for door in self.doors
-        ]
+        openings = [LineString([door.start, door.end]) for door in self.doors]
+        shapes = [*(room.polygon for room in self.rooms), *openings]
         boxes = shapely.bounds([*shapes, self.walls, self.furniture, self.passages]).reshape(-1, 4)
         if self.source is not None:
             x, y, _ = self.source.origin
@@ -148,20 +148,17 @@ class FloorPlan:
 
     @cached_property
     def content_hash(self) -> str:
-        """SHA-256 (hex) of the geometry to 0.1 mm; names, labels and metadata do not count."""
-        digest = hashlib.sha256()
-        for room in sorted(self.rooms, key=lambda room: room.id):
-            digest.update(b"room" + _fingerprint(room.polygon))
-        for door in self.doors:
-            digest.update(f"door {door.is_open}".encode() + _fingerprint(LineString([door.start, door.end])))
-        for shape in (self.walls, self.furniture, self.passages):
-            digest.update(b"shape" + _fingerprint(shape))
-        if self.source is not None:
-            digest.update(
-                repr((self.source.shape, self.source.resolution)).encode()
-                + np.packbits(self.source.occupied).tobytes()
-            )
-        return digest.hexdigest()
+        """SHA-256 (hex) of the geometry to 0.1 mm; names, labels and metadata do not count.
+
+        Seeds follow from it. Rasters depend on ids of rooms and the rooms of doors, too: see `raster_hash`.
+        """
+        shapes = self.walls, self.furniture, self.passages
+        return geometry_digest(self.rooms, self.doors, shapes, self.source)
+
+    @cached_property
+    def raster_hash(self) -> str:
+        """SHA-256 (hex) of all that `rasterize` depends on: the geometry, ids, and the rooms of doors."""
+        return raster_digest(self.content_hash, self.rooms, self.doors, self.source)
 
     def with_doors_closed(self, ids: Iterable[int]) -> FloorPlan:
         """A copy in which the doors with these indices into `doors` are closed.
@@ -335,11 +332,6 @@ def _close_doors(plan: FloorPlan, solid: Bytes, resolution: float, corner: Point
     for door in plan.doors:
         if not door.is_open:
             fill(solid, plan.opening(door), 1, resolution, corner, sealed=True)
-
-
-def _fingerprint(shape: BaseGeometry) -> bytes:
-    rounded = shapely.transform(shape, lambda points: np.round(points, 4) + 0.0)
-    return bytes(shapely.to_wkb(shapely.normalize(rounded)))
 
 
 def _check(plan: FloorPlan) -> None:

@@ -13,6 +13,7 @@ that save every polygon as a MultiPolygon do no harm.
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +23,14 @@ from shapely.geometry import mapping, shape
 from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError, cause, checks_arguments, shortened
-from layoutexplore.files import read_json, write_atomically
+from layoutexplore.files import is_there, read_json, write_atomically
 from layoutexplore.files.reading import shown_path
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines
 from layoutexplore.options import check_kind
 
+SUFFIXES = (".geojson", ".json")
 FORMAT, VERSION = "layoutexplore floor plan", 1
 SOLIDS = ("walls", "furniture", "passages")
 LAYOUT_KINDS = ("face", "line", "wall")
@@ -37,14 +39,14 @@ _POLYGONS = ("Polygon", "MultiPolygon")
 _LONGEST_NAME = 1000
 
 
-def save_plan(plan: FloorPlan, path: str | Path) -> None:
+def save_plan(plan: FloorPlan, path: str | os.PathLike[str]) -> None:
     """Write a plan, one feature a line.
 
     Raises:
         MapError: The file cannot be written.
     """
     check_kind("plan", plan, FloorPlan)
-    check_kind("path", path, str, Path)
+    check_kind("path", path, str, os.PathLike)
     features = [_feature(room.polygon, kind="room", id=room.id, label=room.label) for room in plan.rooms]
     for door in plan.doors:
         line = shapely.LineString([door.start, door.end])
@@ -79,7 +81,7 @@ def _feature(geometry: BaseGeometry, **properties: Any) -> dict[str, Any]:
 
 
 @checks_arguments
-def load_geojson(path: Path, data: Any = None) -> FloorPlan:
+def load_geojson(path: str | os.PathLike[str], data: Any = None) -> FloorPlan:
     """Read a plan.
 
     Args:
@@ -89,6 +91,7 @@ def load_geojson(path: Path, data: Any = None) -> FloorPlan:
     Raises:
         MapError: The file is not a plan of this format; the message names the feature that is wrong.
     """
+    path = Path(path)
     data = read_json(path) if data is None else data
     features = data.get("features") if isinstance(data, dict) else None
     if not isinstance(features, list) or data.get("type") != "FeatureCollection":
@@ -116,6 +119,19 @@ def load_geojson(path: Path, data: Any = None) -> FloorPlan:
         )
     except MapError as error:
         raise MapError(f"{path}: {error}") from error
+
+
+@checks_arguments
+def is_saved_plan(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is one that `save_plan` has written, perhaps corrected since."""
+    path = Path(path)
+    if path.suffix.lower() not in SUFFIXES or not is_there(path) or path.is_dir():
+        return False
+    try:
+        data = read_json(path)
+    except MapError:
+        return False
+    return isinstance(data, dict) and data.get("format") == FORMAT
 
 
 def is_own_format(data: Any) -> bool:

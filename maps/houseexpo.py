@@ -9,6 +9,7 @@ doors. Without one, the whole contour is a single room.
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +39,13 @@ _BESIDE = Record({}, {"areas": Items(_OUTLINE), "door": Items(Items(_POINT, 2, 2
 
 
 @checks_arguments
-def load_houseexpo(path: Path) -> FloorPlan:
+def load_houseexpo(path: str | os.PathLike[str]) -> FloorPlan:
     """Read one plan, from its own file or from one of the files beside it.
 
     Raises:
         MapError: Not JSON, no contour, or a contour that is not a polygon of finite points.
     """
+    path = Path(path)
     if not path.name:
         raise MapError(f"{path}: is a folder: name one of the floor plans inside it")
     stem = path.stem

@@ -9,6 +9,7 @@ assumed unless one is given.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,9 @@ from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
 from layoutexplore.maps.kth import read_room_ids
 from layoutexplore.maps.tracing import LEAST_ROOM, plan_from_raster
 
+ASSUMED = "assumed: the image has no scale"
+"""Of a scale that nobody gave."""
+
 LABELS_ENDING = "_labels"
 """What the name of the room numbers ends with that `layoutexplore layout` writes."""
 
@@ -32,7 +36,7 @@ ROOM_ENDINGS = ("_rooms", "_gt", LABELS_ENDING)
 
 
 @checks_arguments
-def load_image(path: Path, *, resolution: float | None = None) -> FloorPlan:
+def load_image(path: str | os.PathLike[str], *, resolution: float | None = None) -> FloorPlan:
     """Read a ROS map or an image as a floor plan.
 
     Args:
@@ -42,6 +46,7 @@ def load_image(path: Path, *, resolution: float | None = None) -> FloorPlan:
     Raises:
         MapError: The map cannot be read, or shows no free space.
     """
+    path = Path(path)
     if path.stem.endswith(LABELS_ENDING):
         return _load_labels(path, resolution)
     known = load_grid(path, resolution=resolution)
@@ -50,7 +55,7 @@ def load_image(path: Path, *, resolution: float | None = None) -> FloorPlan:
     grid = without_outside(known)
     metadata = {"format": "image" if path.suffix.lower() in IMAGE_SUFFIXES else "ROS map"}
     if path.suffix.lower() in IMAGE_SUFFIXES:
-        metadata["scale"] = _said_scale(resolution)
+        metadata["scale"] = said_scale(resolution)
     if grid is not known:
         outside = known.free_area - grid.free_area
         metadata["outside"] = f"{outside:.0f} m2 of free space around the building are no floor"
@@ -64,10 +69,17 @@ def load_image(path: Path, *, resolution: float | None = None) -> FloorPlan:
     )
 
 
-def _said_scale(resolution: float | None) -> str:
+@checks_arguments
+def said_scale(resolution: float | None, unit: str = "pixel") -> str:
+    """The scale of an image or a drawing in words, and whether it was given.
+
+    Example:
+        >>> said_scale(None), said_scale(0.3048, "unit")
+        ('0.05 m a pixel (assumed: the image has no scale)', '0.3048 m a unit (as given)')
+    """
     if resolution is None:
-        return f"{DEFAULT_RESOLUTION:g} m a pixel (assumed: the image has no scale)"
-    return f"{resolution:g} m a pixel (as given)"
+        return f"{DEFAULT_RESOLUTION:g} m a {unit} ({ASSUMED})"
+    return f"{resolution:g} m a {unit} (as given)"
 
 
 def _load_labels(path: Path, resolution: float | None) -> FloorPlan:
@@ -78,13 +90,14 @@ def _load_labels(path: Path, resolution: float | None) -> FloorPlan:
     return plan_from_raster(
         PlanRaster(ids == 0, ids, DEFAULT_RESOLUTION if resolution is None else resolution),
         name=path.stem.removesuffix(LABELS_ENDING),
-        metadata={"format": "room numbers", "scale": _said_scale(resolution)},
+        metadata={"format": "room numbers", "scale": said_scale(resolution)},
     )
 
 
 @checks_arguments
-def rooms_beside(path: Path) -> Path | None:
+def rooms_beside(path: str | os.PathLike[str]) -> Path | None:
     """The image of the rooms of a map, or None: the map may be one itself."""
+    path = Path(path)
     for ending in ROOM_ENDINGS if path.name else ():
         beside = path.with_name(f"{path.stem}{ending}.png")
         if is_file(beside):

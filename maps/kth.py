@@ -9,6 +9,7 @@ becomes solid.
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
@@ -31,12 +32,13 @@ _FREE_ABOVE = 128
 
 
 @checks_arguments
-def load_kth(path: Path) -> FloorPlan:
+def load_kth(path: str | os.PathLike[str]) -> FloorPlan:
     """Read one floor from its ID_occ.png (or ID_rooms.png; both are needed).
 
     Raises:
         MapError: One of the images is missing or damaged, or they do not fit together.
     """
+    path = Path(path)
     if not path.name:
         raise MapError(f"{path}: is a folder: name one of the images inside it")
     stem = re.sub(r"_(occ|rooms)$", "", path.stem)
@@ -60,8 +62,9 @@ def load_kth(path: Path) -> FloorPlan:
 
 
 @checks_arguments
-def read_room_ids(path: Path) -> Ints32:
+def read_room_ids(path: str | os.PathLike[str]) -> Ints32:
     """Room numbers int32 (h, w) of an image with a level of 8 or 16 bits or a colour a room; 0 is none."""
+    path = Path(path)
     pixels = read_levels(path)
     if pixels.ndim == 2:
         return pixels.astype(np.int32)

@@ -7,10 +7,12 @@ The plans that ship lie in `plans/`, one GeoJSON each, and `plans/splits.json` l
 from __future__ import annotations
 
 import functools
+import os
 import re
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -23,13 +25,13 @@ from layoutexplore.files.limits import VARIABLE, limits
 from layoutexplore.files.reading import is_file, shown_path
 from layoutexplore.files.schema import Items, TableOf, Text
 from layoutexplore.grids.grid import check_resolution
-from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, YAML_SUFFIXES
+from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, YAML_SUFFIXES, images_of
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.building_files import building_format, floors_of, split_level
 from layoutexplore.maps.formats.foreign_geojson import has_areas, load_foreign_geojson
 from layoutexplore.maps.geojson import is_own_format, load_geojson
 from layoutexplore.maps.houseexpo import SIDECARS, load_houseexpo
-from layoutexplore.maps.image import LABELS_ENDING, load_image, rooms_beside
+from layoutexplore.maps.image import LABELS_ENDING, load_image, rooms_beside, said_scale
 from layoutexplore.maps.kth import load_kth
 from layoutexplore.maps.school_xml import load_school_xml
 from layoutexplore.options import check_kind
@@ -39,6 +41,8 @@ SUFFIXES = (".geojson", ".json", ".xml", ".osm", ".ifc", *YAML_SUFFIXES, *IMAGE_
 
 _SPLITS = TableOf(Items(Text()))
 
+OWN_SCALE = "brings its own scale: --resolution and --scale-by are for images and drawings without one"
+
 MOST_SEEDS = 100_000
 """So many generated floor plans FAMILY:FIRST-LAST may name."""
 
@@ -47,7 +51,10 @@ _SEEDS = re.compile(r"([a-z_]+):(\d+)(?:-(\d+))?")
 
 @checks_arguments
 def load_plan(
-    path_or_name: str | Path, *, resolution: float | None = None, columns: Mapping[str, str] | None = None
+    path_or_name: str | os.PathLike[str],
+    *,
+    resolution: float | None = None,
+    columns: Mapping[str, str] | None = None,
 ) -> FloorPlan:
     """A floor plan by the name of a shipped one, as "FAMILY:SEED" of the generator, or from a file.
 
@@ -55,17 +62,18 @@ def load_plan(
         path_or_name: Name, FAMILY:SEED, or the path of our GeoJSON, a school XML, a KTH ID_occ.png, a
             HouseExpo JSON, a ROS map's YAML or a plain image; or FILE#LEVEL, a floor of an IMDF folder, an
             OpenStreetMap file, an Open-RMF building or an IFC model.
-        resolution: Metres a pixel of a plain image; 0.05 is assumed when None. Other formats have a scale.
+        resolution: Metres a pixel of a plain image (0.05 is assumed when None), or a unit of a drawing (1
+            when None). Maps of robots and of KTH bring their own.
         columns: Names of properties in a GeoJSON of another program, as for `load_foreign_geojson`.
 
     Raises:
         UnknownNameError: No plan of that name; the closest ones are suggested.
-        MapError: The file is missing, broken, or of no known format.
+        MapError: The file is missing, broken, of no known format, or brings a scale and one is given.
     """
     if resolution is not None:
         check_resolution(resolution)
-    check_kind("a floor plan", path_or_name, str, Path)
-    text = str(path_or_name)
+    check_kind("a floor plan", path_or_name, str, os.PathLike)
+    text = os.fspath(path_or_name)
     if text in plan_names():
         return load_geojson(PLAN_FOLDER / f"{text}.geojson")
     if match := _SEEDS.fullmatch(text):
@@ -81,12 +89,22 @@ def load_plan(
     if path.is_dir() and not known:
         raise MapError(f"{path}: is a folder; name one of the floor plans inside it")
     try:
-        return known.load(path, level) if known else _loader(path, resolution, columns)(path)
+        if known:
+            return _stretched(known.load(path, level), resolution)
+        return _loader(path, resolution, columns)(path)
     except GEOSException as error:
         raise MapError(
             f"{text}: its outlines cannot be put together: {cause(error)}; look for points that are "
             "nearly the same, and outlines that touch themselves"
         ) from error
+
+
+def _stretched(plan: FloorPlan, metres: float | None) -> FloorPlan:
+    """A plan whose unit is so many metres."""
+    if metres is None:
+        return plan
+    said = {"scale": said_scale(metres, "unit")}
+    return replace(plan.stretched(metres, metres), metadata={**plan.metadata, **said})
 
 
 def _loader(
@@ -95,10 +113,13 @@ def _loader(
     """The reader for a file, recognised by its ending and, for JSON, by what is inside."""
     suffix = path.suffix.lower()
     if suffix == ".xml":
-        return load_school_xml
+        return lambda path: _stretched(load_school_xml(path), resolution)
     if suffix in (".geojson", ".json"):
-        return _json_loader(path, columns)
-    if suffix in IMAGE_SUFFIXES and _is_kth(path):
+        return _json_loader(path, resolution, columns)
+    is_kth = suffix in IMAGE_SUFFIXES and _is_kth(path)
+    if resolution is not None and (is_kth or suffix in YAML_SUFFIXES):
+        raise MapError(f"{path}: {OWN_SCALE}")
+    if is_kth:
         return load_kth
     if suffix in (*IMAGE_SUFFIXES, *YAML_SUFFIXES):
         return lambda path: load_image(path, resolution=resolution)
@@ -106,14 +127,44 @@ def _loader(
 
 
 @checks_arguments
-def shows_rooms(source: str | Path) -> bool:
+def shows_rooms(source: str | os.PathLike[str]) -> bool:
     """Whether a file tells of rooms, itself or by another beside it; a map or a picture alone does not."""
-    path, _ = split_level(str(source))
+    path, _ = split_level(os.fspath(source))
     if building_format(path):
         return True
     if path.suffix.lower() not in (*IMAGE_SUFFIXES, *YAML_SUFFIXES):
         return True
     return _is_kth(path) or rooms_beside(path) is not None or path.stem.endswith(LABELS_ENDING)
+
+
+@checks_arguments
+def source_files(source: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """The files that a floor plan, a map or a picture is read from; none of a name.
+
+    Of a ROS map its image too, and of all that an image of rooms or a file of rooms and doors lies beside.
+    """
+    text = os.fspath(source)
+    if text in plan_names() or _SEEDS.fullmatch(text):
+        return ()
+    path, _ = split_level(text)
+    if is_there(path) and path.is_dir():
+        return tuple(sorted(path.glob("*.geojson")))
+    if not path.name:
+        return ()
+    found, suffix = [path], path.suffix.lower()
+    if suffix in YAML_SUFFIXES:
+        found += images_of(path)
+    if suffix in (*YAML_SUFFIXES, *IMAGE_SUFFIXES):
+        found += [beside for beside in [rooms_beside(path)] if beside]
+        if suffix in IMAGE_SUFFIXES and _is_kth(path):
+            stem = path.stem.rpartition("_")[0]
+            found += [path.with_name(f"{stem}_{part}{path.suffix}") for part in ("occ", "rooms")]
+    if suffix == ".json":
+        stem = path.stem
+        for part in SIDECARS:
+            stem = stem.removesuffix(f".{part}")
+        found += [path.with_name(f"{name}.json") for name in (stem, *(f"{stem}.{part}" for part in SIDECARS))]
+    return tuple(dict.fromkeys(found))
 
 
 def _is_json_plan(path: Path) -> bool:
@@ -125,15 +176,22 @@ def _is_json_plan(path: Path) -> bool:
     return isinstance(data, dict) and (data.get("type") == "FeatureCollection" or "verts" in data)
 
 
-def _json_loader(path: Path, columns: Mapping[str, str] | None) -> Callable[[Path], FloorPlan]:
+def _json_loader(
+    path: Path, resolution: float | None, columns: Mapping[str, str] | None
+) -> Callable[[Path], FloorPlan]:
     """The reader for a JSON file, which is parsed here: large ones take seconds."""
     data = read_json(path)
     is_collection = isinstance(data, dict) and data.get("type") == "FeatureCollection"
     if path.suffix.lower() == ".json" and not is_collection:
-        return load_houseexpo
+        if not (path.stem.endswith(SIDECARS) or (isinstance(data, dict) and "verts" in data)):
+            raise MapError(
+                f"{path}: is no floor plan: JSON is read as a GeoJSON FeatureCollection, or as a plan of "
+                "HouseExpo (with its contour, verts)"
+            )
+        return lambda path: _stretched(load_houseexpo(path), resolution)
     if columns or not is_own_format(data):
-        return functools.partial(load_foreign_geojson, columns=columns, data=data)
-    return functools.partial(load_geojson, data=data)
+        return functools.partial(load_foreign_geojson, columns=columns, data=data, unit=resolution)
+    return lambda path: _stretched(load_geojson(path, data), resolution)
 
 
 def _is_kth(path: Path) -> bool:
@@ -181,7 +239,7 @@ def plan_names(split: str | None = None) -> list[str]:
 
 
 @checks_arguments
-def expand_plans(spec: str | Path) -> list[str]:
+def expand_plans(spec: str | os.PathLike[str]) -> list[str]:
     """What `load_plan` can read, for one word of a command line.
 
     Args:
@@ -195,8 +253,8 @@ def expand_plans(spec: str | Path) -> list[str]:
     Warns:
         MapWarning: A GeoJSON of a folder holds lines and points only and is left out.
     """
-    check_kind("a floor plan", spec, str, Path)
-    text = str(spec)
+    check_kind("a floor plan", spec, str, os.PathLike)
+    text = os.fspath(spec)
     if text in splits():
         return plan_names(text)
     if text in plan_names():
@@ -287,7 +345,7 @@ def _is_plan(path: Path) -> bool:
 
 
 @checks_arguments
-def find_plans(specs: Iterable[str]) -> list[str]:
+def find_plans(specs: Iterable[str | os.PathLike[str]]) -> list[str]:
     """What `load_plan` can read, for names, files, folders and splits: each once, in the order given.
 
     Raises:
@@ -304,13 +362,25 @@ def find_plans(specs: Iterable[str]) -> list[str]:
 
 
 @checks_arguments
-def cached_plan(source: str | Path) -> FloorPlan:
-    """Like `load_plan`; the last plans stay in memory, and a file that has changed since is read again."""
-    path, _ = split_level(str(source))
-    return _cached(str(source), path.stat().st_mtime_ns if is_there(path) else 0)
+def cached_plan(source: str | os.PathLike[str]) -> FloorPlan:
+    """Like `load_plan`; the last plans stay in memory until one of their files has changed."""
+    text = os.fspath(source)
+    return _cached(text, tuple(map(_state_of, source_files(text))))
+
+
+_FileState = tuple[str, int, int]
+"""Where a file lies, when it was changed (ns), and its bytes."""
+
+
+def _state_of(path: Path) -> _FileState:
+    try:
+        found = path.stat()
+    except (OSError, ValueError):  # none there, or a name that no file can have
+        return str(path), 0, 0
+    return str(path.absolute()), found.st_mtime_ns, found.st_size
 
 
 @functools.lru_cache(maxsize=64)
-def _cached(source: str, changed: int) -> FloorPlan:
-    """The plan of that name or path; `changed` keeps an edited file from being served stale."""
+def _cached(source: str, files: tuple[_FileState, ...]) -> FloorPlan:
+    """The plan of that name or path; `files` keeps an edited one from being served stale."""
     return load_plan(source)

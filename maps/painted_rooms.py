@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,7 +45,9 @@ class Case:
 
 
 @checks_arguments
-def find_cases(folders: Iterable[str | Path], buildings: dict[str, str] | None = None) -> list[Case]:
+def find_cases(
+    folders: Iterable[str | os.PathLike[str]], buildings: dict[str, str] | None = None
+) -> list[Case]:
     """The maps of folders that have a truth, by name.
 
     Args:

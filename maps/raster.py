@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from layoutexplore.errors import MapError, checks_calls, shortened
-from layoutexplore.grids.arrays import Ints, Ints32, Labels, Mask, small_labels
+from layoutexplore.grids.arrays import Ints, Ints32, Labels, Mask, shows_shapes, small_labels
 from layoutexplore.grids.components import join_runs
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell, OccupancyGrid, Pose, check_resolution
 from layoutexplore.grids.morphology import grow, inflate
@@ -44,6 +44,7 @@ def check_stretch(what: str, x: float, y: float) -> None:
 
 
 @checks_calls
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class PlanRaster:
     """A rasterised floor plan; everything that is not indoor free space is occupied.

@@ -11,6 +11,7 @@ two rooms.
 from __future__ import annotations
 
 import math
+import os
 import warnings
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -31,12 +32,13 @@ _LONGEST_LABEL = 100
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "inch": 0.0254, "in": 0.0254, "ft": 0.3048}
 
 
-def load_school_xml(path: Path) -> FloorPlan:
+def load_school_xml(path: str | os.PathLike[str]) -> FloorPlan:
     """Read one school floor.
 
     Raises:
         MapError: Not XML, no scale, or no space with a polygon.
     """
+    path = Path(path)
     root = read_xml(path)
     scale = _scale(root, path)
     outlines, labels = read_spaces(root, scale, path)

@@ -7,13 +7,13 @@ repeats some names as a small benchmark suite.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from layoutexplore.errors import checks_arguments
+from layoutexplore.files import write_json
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator.generate import generate
 from layoutexplore.maps.geojson import save_plan
@@ -94,7 +94,7 @@ def write_shipped(folder: Path = PLAN_FOLDER) -> list[Path]:
         files.append(folder / f"{shipped.name}.geojson")
         save_plan(shipped.draw(), files[-1])
     files.append(folder / "splits.json")
-    files[-1].write_text(json.dumps(shipped_splits(), indent=2) + "\n", encoding="utf-8")
+    write_json(files[-1], shipped_splits(), indent=2)
     return files
 
 

@@ -8,6 +8,7 @@ be read. Nothing is unpickled.
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -110,12 +111,13 @@ def spec_of(config: TrainingConfig) -> PolicySpec:
 
 
 @checks_arguments
-def find_policy(name: str) -> Path:
+def find_policy(name: str | os.PathLike[str]) -> Path:
     """The file of a policy by its path, the folder of its training run (the best one), or a shipped name.
 
     Raises:
         ConfigError: There is no such policy.
     """
+    name = os.fspath(name)
     shipped = {path.stem: path for path in sorted(WEIGHTS.glob("*.safetensors"))}
     if name in shipped:
         return shipped[name]
@@ -160,12 +162,13 @@ _CARD = Record(
 
 
 @checks_arguments
-def read_card(path: Path) -> dict[str, Any]:
+def read_card(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The card in the header of a policy's file, as nested values.
 
     Raises:
         ResultsError: The file cannot be read, is no policy, or is cut off.
     """
+    path = Path(path)
     metadata = read_metadata(path, what="policy")
     if "card" not in metadata:
         raise ResultsError(f"{path} is not a policy of layoutexplore: its header has no card")
@@ -173,13 +176,14 @@ def read_card(path: Path) -> dict[str, Any]:
 
 
 @checks_arguments
-def read_spec(path: Path) -> PolicySpec:
+def read_spec(path: str | os.PathLike[str]) -> PolicySpec:
     """The spec of a policy's file, checked against what this version can feed it.
 
     Raises:
         ResultsError: It is no such file, was written in another format, or needs features that do not exist
             here.
     """
+    path = Path(path)
     table = read_card(path).get("policy")
     if not isinstance(table, Mapping):
         raise ResultsError(

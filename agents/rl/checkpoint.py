@@ -20,7 +20,7 @@ from layoutexplore.agents.rl.torch_policy_files import save_tensors
 from layoutexplore.errors import ResultsError, cause, checks_arguments, shortened
 from layoutexplore.files import parse_json
 from layoutexplore.files.reading import is_there
-from layoutexplore.files.schema import Items, Number, Record, Text
+from layoutexplore.files.schema import Flag, Items, Number, Record, Text
 from layoutexplore.files.tensors import read_tensors
 
 FORMAT = 1
@@ -38,6 +38,7 @@ class Progress:
         calls: Steps of the vector environment, which DQN counts.
         seconds: Seconds of training, without evaluations.
         evaluations: What each evaluation found, oldest first.
+        imitated: Whether the policy has learnt from its teacher, which comes before all steps.
         format: Version of the format.
     """
 
@@ -47,6 +48,7 @@ class Progress:
     calls: int = 0
     seconds: float = 0.0
     evaluations: list[dict[str, float]] = field(default_factory=list)
+    imitated: bool = False
     format: int = FORMAT
 
 
@@ -97,7 +99,7 @@ _COUNT = Number(low=0, high=1e15, whole=True)
 _STEPS = Number(low=0, high=1e12, whole=True)
 _PROGRESS = Record(
     {"algorithm": Text(most=200), "steps": _STEPS, "updates": _COUNT, "calls": _COUNT, "format": _COUNT},
-    {"seconds": Number(low=0, high=1e15), "evaluations": Items(EVALUATION, 0, 100_000)},
+    {"seconds": Number(low=0, high=1e15), "evaluations": Items(EVALUATION, 0, 100_000), "imitated": Flag()},
 )
 """What the header of a checkpoint must hold."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -119,7 +120,7 @@ class Evaluation:
         Returns:
             `d95` and `d99` (mean metres), `coverage`, and `d95_ratio.NAME`, `d99_ratio.NAME` for every
             reference: the geometric mean of the ratios over the cells, below 1 where the agent is better.
-                Empty when given up.
+            Empty when given up.
         """
         references = self.config.evaluation.references
         unknown = [name for name in references if name not in self._references]
@@ -166,12 +167,13 @@ def score(scores: dict[str, float], references: tuple[str, ...]) -> float:
 
 
 @checks_arguments
-def read_evaluations(path: Path, steps: float = np.inf) -> list[dict[str, float]]:
+def read_evaluations(path: str | os.PathLike[str], steps: float = np.inf) -> list[dict[str, float]]:
     """What evaluations found up to a step, oldest first; nothing where there is no such file.
 
     Raises:
         ResultsError: The file is something else.
     """
+    path = Path(path)
     if not is_there(path):
         return []
     header, *lines = read_csv(path, what="table of evaluations") or [[]]

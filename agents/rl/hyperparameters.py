@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -327,7 +328,9 @@ def algorithms() -> list[str]:
 
 
 @checks_arguments
-def read_config(path: Path | None = None, flags: Mapping[str, Any] | None = None) -> TrainingConfig:
+def read_config(
+    path: str | os.PathLike[str] | None = None, flags: Mapping[str, Any] | None = None
+) -> TrainingConfig:
     """The configuration of a run.
 
     Args:
@@ -338,7 +341,7 @@ def read_config(path: Path | None = None, flags: Mapping[str, Any] | None = None
     Raises:
         ConfigError: The file cannot be read, a key is unknown, or a value makes no sense.
     """
-    table, where = ({}, "the flags") if path is None else (read_toml(path), str(path))
+    table, where = ({}, "the flags") if path is None else (read_toml(Path(path)), str(path))
     given = {key: value for key, value in (flags or {}).items() if value is not None}
     algorithm = given.pop("algorithm", table.pop("algorithm", DEFAULT_ALGORITHM))
     if not isinstance(algorithm, str) or algorithm not in _defaults():

@@ -21,8 +21,9 @@ from layoutexplore.agents.rl.agent import logits_of
 from layoutexplore.agents.rl.environments import environment_arguments
 from layoutexplore.agents.rl.hyperparameters import ImitationConfig, TrainingConfig
 from layoutexplore.agents.rl.networks.actor_critic import Actor
-from layoutexplore.envs.base import ExplorationEnv
-from layoutexplore.frontiers.decision import PATHS, Agent, Decision, Privileged, path_of
+from layoutexplore.envs.frontier import FrontierEnv
+from layoutexplore.envs.observation import Observer
+from layoutexplore.frontiers.decision import PATHS, STOP, Agent, Decision, Privileged, path_of
 from layoutexplore.grids.arrays import Ints
 
 Stop = Callable[[], bool]
@@ -72,13 +73,13 @@ def imitate(
     assert plan is not None
     teacher = make_agent(plan.teacher)
     env = gymnasium.make(config.environment, **environment_arguments(config)).unwrapped
-    assert isinstance(env, ExplorationEnv)
+    assert isinstance(env, FrontierEnv)
     rng = np.random.default_rng([config.seed, 1])
     optimizer = torch.optim.Adam(actor.parameters(), lr=plan.learning_rate)
     demonstrations = Demonstrations()
     for number in range(plan.rounds):
         for _ in range(-(-plan.episodes // plan.rounds)):
-            _attend(env, teacher, actor if number else None, demonstrations, int(rng.integers(2**31)))
+            attend(env, teacher, actor if number else None, demonstrations, int(rng.integers(2**31)))
             if stop():
                 return
         agreement = _learn(actor, demonstrations, plan, optimizer, rng)
@@ -88,7 +89,7 @@ def imitate(
 
 
 def teachers_choice(teacher: Agent, decision: Decision) -> int:
-    """The frontier that a teacher goes to; where it answers with a path, the first one on that path."""
+    """The frontier that a teacher goes to, or `STOP`; where it answers with a path, the first one on it."""
     choice = teacher.act(decision)
     if not isinstance(choice, PATHS):
         return int(choice)
@@ -101,26 +102,34 @@ def teachers_choice(teacher: Agent, decision: Decision) -> int:
     return first if arrivals[first] < len(path) else int(np.argmin(gaps[-1]))
 
 
-def _attend(
-    env: ExplorationEnv[np.int64],
-    teacher: Agent,
-    actor: Actor | None,
-    demonstrations: Demonstrations,
-    seed: int,
+def attend(
+    env: FrontierEnv, teacher: Agent, actor: Actor | None, demonstrations: Demonstrations, seed: int
 ) -> None:
-    """One exploration, led by the teacher or by the policy; the teacher's choices are remembered."""
-    observation, _ = env.reset(seed=seed)
+    """One exploration, led by the teacher or by the policy, until it is over or the teacher would stop.
+
+    The simulation is driven itself: the teacher may go to a frontier for which the environment has no slot.
+    No policy can choose that one, so that such a decision is left out of what is learnt.
+
+    Args:
+        env: Draws floor plan, sensor and start.
+        teacher: Who is imitated.
+        actor: The policy that leads; the teacher itself where None.
+        demonstrations: The decisions and the teacher's choices are added to them.
+        seed: Of the exploration.
+    """
+    env.reset(seed=seed)
     teacher.reset(seed)
+    simulation, observer = env.simulation, Observer(env.observation_config)
     if isinstance(teacher, Privileged):
-        teacher.reveal(env.simulation.truth)
-    over = env.simulation.done
-    while not over:
-        label = teachers_choice(teacher, env.simulation.decision)
-        if 0 <= label < len(observation["action_mask"]) - 1:
+        teacher.reveal(simulation.truth)
+    while not simulation.done:
+        decision = simulation.decision
+        observation, label = observer.observe(decision), teachers_choice(teacher, decision)
+        if label == STOP:
+            return
+        if label in range(min(observer.config.max_frontiers, len(decision.frontiers))):
             demonstrations.add(observation, label)
-        action = label if actor is None else act(actor, observation)
-        observation, _, terminated, truncated, _ = env.step(np.int64(max(action, 0)))
-        over = terminated or truncated
+        simulation.step(label if actor is None else act(actor, observation))
 
 
 def act(actor: Actor, observation: dict[str, NDArray[np.generic]]) -> int:

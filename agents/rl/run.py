@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import os
 import platform
 import signal
 from collections.abc import Iterator, Mapping
@@ -73,13 +74,14 @@ class TrainingRun:
     def __init__(
         self,
         config: TrainingConfig,
-        folder: Path,
+        folder: str | os.PathLike[str],
         checkpoint: str,
         *,
         device: str,
         resume: bool,
         watcher: Watcher,
     ) -> None:
+        folder = Path(folder)
         # The policy, too: another algorithm's run has another checkpoint, and would be written over.
         if not resume and any((folder / name).exists() for name in (checkpoint, POLICY)):
             raise ResultsError(

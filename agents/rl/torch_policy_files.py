@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,8 +18,11 @@ from layoutexplore.files.tensors import read_tensors
 
 
 @checks_arguments
-def save_policy(path: Path, state: Mapping[str, torch.Tensor], card: Mapping[str, Any]) -> None:
+def save_policy(
+    path: str | os.PathLike[str], state: Mapping[str, torch.Tensor], card: Mapping[str, Any]
+) -> None:
     """Write weights and card to a file, and the card beside it; a kill leaves the old file or the new one."""
+    path = Path(path)
     text = to_toml(dict(card))
     save_tensors(path, state, {"card": text})
     write_atomically(path.with_suffix(".toml"), text)
@@ -33,12 +37,13 @@ def save_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: dict
 
 
 @checks_arguments
-def load_actor(path: Path) -> tuple[Actor, PolicySpec]:
+def load_actor(path: str | os.PathLike[str]) -> tuple[Actor, PolicySpec]:
     """The network of a policy's file, and its spec.
 
     Raises:
         ResultsError: The file is damaged, or is not a policy that this version can run.
     """
+    path = Path(path)
     spec = read_spec(path)
     tensors, _ = read_tensors(path, what="policy")
     first = "path_length" if spec.rank_column is None else "detour"

@@ -7,6 +7,7 @@ stopped.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Mapping
 from functools import partial
@@ -55,8 +56,15 @@ class Run(TrainingRun):
     """
 
     def __init__(
-        self, config: TrainingConfig, folder: Path, *, device: str, resume: bool, watcher: Watcher
+        self,
+        config: TrainingConfig,
+        folder: str | os.PathLike[str],
+        *,
+        device: str,
+        resume: bool,
+        watcher: Watcher,
     ) -> None:
+        folder = Path(folder)
         super().__init__(config, folder, FILE, device=device, resume=resume, watcher=watcher)
         self._spec = spec_of(config) if config.chooses_frontiers else None
         self.envs = make_envs(config)
@@ -91,7 +99,9 @@ class Run(TrainingRun):
     def train(self) -> None:
         """Train until all steps are done or somebody asks to stop; either way a checkpoint is left."""
         with self.stop_on_signal():
-            if self.progress.steps == 0 and not self.progress.evaluations:
+            progress = self.progress
+            # What had begun before checkpoints noted the imitation shows it by its steps or evaluations.
+            if not (progress.steps or progress.evaluations or progress.imitated):
                 self._begin()
             self.model.set_logger(configure(str(self.folder / "tensorboard"), ["tensorboard"]))
             while not self.stopping:
@@ -118,6 +128,7 @@ class Run(TrainingRun):
             if not self.stopping:
                 self._policy.actor.load_state_dict(actor.state_dict())
                 self._policy.averaged.load_state_dict(actor.state_dict())
+                self.progress.imitated = True
         self.save()
 
     def _stretch(self) -> None:

@@ -27,7 +27,7 @@ class VectorAdapter(VecEnv):
     """Steps a `gymnasium.vector.VectorEnv` that resets within the step (`AutoresetMode.SAME_STEP`).
 
     With `info["episode"]` of a step that ends an episode come its return `r`, length `l`, `coverage`,
-    `distance`, and `d95`, the metres after which a decision first found 95 % seen, as a share of the
+    `distance`, and `d95_share`, the metres after which a decision first found 95 % seen, as a share of the
     distance.
 
     Args:

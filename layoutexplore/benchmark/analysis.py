@@ -16,7 +16,7 @@ import numpy as np
 
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import checks_arguments
-from layoutexplore.grids.arrays import Floats
+from layoutexplore.grids.arrays import Floats, shows_shapes
 from layoutexplore.metrics.exploration import coverage_at, mean_coverage
 from layoutexplore.metrics.statistics import (
     Interval,
@@ -94,6 +94,7 @@ class AgentSummary:
     seconds: float
 
 
+@shows_shapes
 @dataclass(frozen=True, kw_only=True)
 class PooledCurve:
     """Coverage of an agent against distance in units of the baseline's distance to 99 % in the same cell.

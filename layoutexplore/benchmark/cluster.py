@@ -17,7 +17,7 @@ from typing import Any, TypeVar
 
 from layoutexplore.benchmark.pool import AHEAD, TRIES, Answer, Handout, run_batch, single_threaded
 from layoutexplore.errors import ConfigError, LayoutExploreError, require, unknown_name
-from layoutexplore.processes import ASKING, deaf_children
+from layoutexplore.processes import ASKING, deaf_children, without_main
 
 RUNS_CODE = (
     "whoever reaches a Dask or Ray cluster can run any code on its machines: keep it to a trusted network"
@@ -93,7 +93,7 @@ def _dask(
     distributed, dask = require("distributed", "cluster"), require("dask", "cluster")
     with dask.config.set({"distributed.scheduler.allowed-failures": tries - 1}):
         try:
-            with deaf_children():
+            with deaf_children(), without_main():
                 client = (
                     distributed.Client(address, timeout=10) if address else distributed.Client(**_own(jobs))
                 )

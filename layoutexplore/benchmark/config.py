@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
+import os
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -64,7 +65,7 @@ class BenchmarkConfig:
         ConfigError: A list is empty, has duplicates, or a value makes no sense.
     """
 
-    plans: Sequence[str] = ("quick",)
+    plans: Sequence[str | os.PathLike[str]] = ("quick",)
     starts: int = 2
     sensors: Sequence[str] = ("stage",)
     agents: Sequence[Any] = QUICK_AGENTS
@@ -82,9 +83,7 @@ class BenchmarkConfig:
             given = getattr(self, name)
             if not isinstance(given, (tuple, list)):
                 raise ConfigError(f"{name} must be a list, got {shortened(given)}")
-            values = tuple(
-                v if isinstance(v, str) or name != "agents" else AGENTS.register_object(v) for v in given
-            )
+            values = tuple(value if isinstance(value, str) else _name_of(name, value) for value in given)
             if unnamed := [value for value in values if not isinstance(value, str)]:
                 raise ConfigError(f"{name} are given by name, got {shortened(unnamed[0])}")
             object.__setattr__(self, name, values)
@@ -118,9 +117,16 @@ class BenchmarkConfig:
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
+def _name_of(what: str, value: Any) -> Any:
+    """The name of a floor plan or agent that is given as a path or an object; anything else as it is."""
+    if what == "agents":
+        return AGENTS.register_object(value)
+    return os.fspath(value) if what == "plans" and isinstance(value, os.PathLike) else value
+
+
 def settings(config: BenchmarkConfig) -> dict[str, Any]:
     """What decides the outcome of every single run, as plain nested values."""
-    simulation = dataclasses.asdict(config.simulation)
+    simulation = config.simulation.as_table()
     del simulation["sensor"]
     if simulation["region"] is None:
         del simulation["region"]  # Results of versions without it belong to the same configuration.
@@ -134,7 +140,7 @@ def settings(config: BenchmarkConfig) -> dict[str, Any]:
 
 
 @checks_arguments
-def read_benchmark_config(path: Path) -> dict[str, Any]:
+def read_benchmark_config(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Keyword arguments for `BenchmarkConfig` from a TOML file.
 
     The keys are the fields of `BenchmarkConfig`; `[simulation]` holds those of `SimulationConfig` (without
@@ -143,6 +149,7 @@ def read_benchmark_config(path: Path) -> dict[str, Any]:
     Raises:
         ConfigError: The file cannot be read, a key is unknown, or a value has the wrong type.
     """
+    path = Path(path)
     table = read_toml(path)
     check_keys(table, [f.name for f in dataclasses.fields(BenchmarkConfig)], str(path))
     table |= _tables(table, str(path))
@@ -152,12 +159,13 @@ def read_benchmark_config(path: Path) -> dict[str, Any]:
     return table
 
 
-def simulation_of_file(path: Path, sensor: str) -> SimulationConfig:
+def simulation_of_file(path: str | os.PathLike[str], sensor: str) -> SimulationConfig:
     """How runs with a sensor are simulated, from a benchmark's TOML file or the run.toml of its results.
 
     Raises:
         ConfigError: The file cannot be read or is neither, or a value makes no sense.
     """
+    path = Path(path)
     table = read_toml(path)
     if isinstance(settings_of_run := table.get("settings"), dict):
         options = _tables(settings_of_run, str(path), "settings.")

@@ -24,11 +24,12 @@ from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import PATHS, STOP, Agent, Choice, Decision, path_of
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import remaining_share
-from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, shows_shapes
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import Cell, OccupancyGrid
 from layoutexplore.planning.shortest_paths import distance_matrix
 from layoutexplore.predictors import OraclePredictor
+from layoutexplore.simulation.episode import TimedPredictor
 from layoutexplore.simulation.simulation import Simulation
 
 LOG = (
@@ -54,6 +55,7 @@ _MARGIN = 1.2
 """Metres around what is known that are kept of a decision's grid."""
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DecisiveDecision:
     """A decision in which the layout changed the choice.
@@ -107,6 +109,7 @@ class DecisiveDecision:
         return all(math.dist(here, there) * resolution <= _NEAR for here, there in pairs)
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class Counterfactual:
     """What was noted in a run.
@@ -146,7 +149,10 @@ class CounterfactualRollouts:
     def __init__(self, simulation: Simulation) -> None:
         self.seconds = 0.0
         self._simulation = simulation
-        self._oracle = OraclePredictor()
+        timed = simulation.predictor
+        inner = timed.inner if isinstance(timed, TimedPredictor) else timed
+        # Less foresight than the agent has had would change its choice, however right its predictor is.
+        self._oracle = OraclePredictor(horizon=inner.horizon if isinstance(inner, OraclePredictor) else 0.0)
         self._oracle.reveal(simulation.truth)
         self._rows: list[list[float]] = []
         self._kept: list[tuple[float, int, _Pursued]] = []
@@ -270,7 +276,7 @@ def without_layout(decision: Decision) -> Decision:
         dataclasses.replace(f, is_closed=None, expected_area=None, confidence=None, room=None)
         for f in decision.frontiers
     )
-    return dataclasses.replace(decision, frontiers=plain, rooms=None)
+    return dataclasses.replace(decision, frontiers=plain, rooms=None, foresee=None)
 
 
 def same_choice(a: Choice, b: Choice) -> bool:

@@ -152,9 +152,8 @@ def _to_99(rows: Iterable[Row], baseline: str) -> dict[tuple[str, int, str], Row
 def stops_below(area: float) -> Rule:
     """The rule of the option `stop_area`: stop when little is left.
 
-    Every frontier is surely closed and has less than `area` square metres left.
-
-    And the robot has more than begun.
+    Every frontier is surely closed and has less than `area` square metres left, and the robot has more than
+    begun.
     """
 
     def rule(notes: Counterfactual) -> Mask:

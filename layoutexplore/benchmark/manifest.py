@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -34,7 +35,7 @@ _MANIFEST = Record(
         "starts": Number(whole=True),
         "agents": Items(Text()),
         "sensors": Items(Text()),
-        "plans": TableOf(Record({"content_hash": Text()})),
+        "plans": TableOf(Record({"content_hash": Text()}, {"raster_hash": Text()})),
         "settings": _SETTINGS,
     }
 )
@@ -47,12 +48,13 @@ _ADVICE = (
 
 
 @checks_arguments
-def read_manifest(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: str | os.PathLike[str]) -> dict[str, Any]:
     """What the run.toml of a folder says.
 
     Raises:
         ResultsError: It is missing, cannot be read, or lacks what this version needs.
     """
+    folder = Path(folder)
     path = folder / "run.toml"
     if not is_there(path) or not path.is_file():
         raise ResultsError(
@@ -87,6 +89,9 @@ def merge_manifests(old: dict[str, Any], new: dict[str, Any], path: Path, *, ext
     models = new["settings"]["models"]
     noted = old["settings"].get("models", {})  # Earlier versions did not note models.
     old["settings"]["models"] = {name: "not noted" for name in models if name in old["agents"]} | noted
+    for name, plan in old["plans"].items():
+        if "raster_hash" not in plan and name in new["plans"]:  # Nor did they note this hash.
+            plan["raster_hash"] = new["plans"][name]["raster_hash"]
     was, now = (dict(_flat(tomllib.loads(to_toml(_comparable(table))))) for table in (old, new))
 
     def grows(key: str) -> bool:
@@ -118,7 +123,8 @@ def merge_manifests(old: dict[str, Any], new: dict[str, Any], path: Path, *, ext
 
 def _comparable(manifest: dict[str, Any]) -> dict[str, Any]:
     kept = {k: v for k, v in manifest.items() if k not in ("command", "config_hash", "baseline")}
-    kept["plans"] = {name: plan["content_hash"] for name, plan in manifest["plans"].items()}
+    hashes = "content_hash", "raster_hash"
+    kept["plans"] = {name: {key: plan.get(key) for key in hashes} for name, plan in manifest["plans"].items()}
     return kept
 
 

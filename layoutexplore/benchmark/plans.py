@@ -20,6 +20,7 @@ class PlanEntry:
         name: Its name in the results.
         source: What `load_plan` reads it from: a name or an absolute path.
         content_hash: SHA-256 of its geometry.
+        raster_hash: SHA-256 of all that its rasters depend on: doors may lead elsewhere in the same geometry.
         building: Floors of one building share it.
         reachable_area: Square metres that the robot's centre can reach.
     """
@@ -27,6 +28,7 @@ class PlanEntry:
     name: str
     source: str
     content_hash: str
+    raster_hash: str
     building: str
     reachable_area: float
 
@@ -46,6 +48,7 @@ def entry(source: str, simulation: SimulationConfig) -> PlanEntry:
         name=plan.name,
         source=source,
         content_hash=plan.content_hash,
+        raster_hash=plan.raster_hash,
         building=plan.building,
         reachable_area=round(float(np.count_nonzero(reachable)) * simulation.resolution**2, 2),
     )

@@ -4,6 +4,8 @@ Workers are spawned, not forked (threads and compiled kernels do not survive a f
 each: BLAS, OpenMP and OpenCV would otherwise start as many as there are cores in every worker. A worker ends
 with the process that started it, even when that one was killed: it would wait for work for ever. Ctrl-C is
 for the process that started them: it does not reach the workers.
+
+They do not import the program's main module: it may come from stdin, or lack a guard.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from layoutexplore.processes import deaf_children, end_with_parent
+from layoutexplore.processes import deaf_children, end_with_parent, without_main
 from layoutexplore.processes import single_threaded as single_threaded
 from layoutexplore.processes import usable_cores as usable_cores
 
@@ -102,7 +104,8 @@ def run_all(
     """Results of `function` over the tasks, in the order in which they end.
 
     Args:
-        function: Picklable; it must not raise.
+        function: Picklable, and not of the program's main module, which workers do not import; it must not
+            raise.
         tasks: Picklable.
         jobs: Worker processes; with 1, all runs in this process.
         lost: The result of a task whose worker died `tries` times while it ran nothing else.
@@ -141,7 +144,7 @@ def _run_pool(
 ) -> Generator[R, None, list[T]]:
     """Run what is handed out on one pool until all is done or a worker dies; returns what was in flight."""
     flying: dict[Future[Answer[R]], list[T]] = {}
-    with single_threaded(), deaf_children():
+    with single_threaded(), deaf_children(), without_main():
         spawn = multiprocessing.get_context("spawn")
         pool = ProcessPoolExecutor(workers, spawn, initializer=_begin, initargs=begin)
         for _ in range(workers):  # A process is started when something is handed out and no other idles.

@@ -22,7 +22,7 @@ from layoutexplore.benchmark.counterfactual import Counterfactual, DecisiveDecis
 from layoutexplore.errors import ResultsError, checks_calls
 from layoutexplore.files.archives import ArrayRule, check_arrays
 from layoutexplore.files.limits import limits, raise_it
-from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask, shows_shapes
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.options import NATURAL
@@ -35,6 +35,7 @@ _PREFIX = "replay_"
 
 
 @checks_calls
+@shows_shapes
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Recording:
     """A run, to be shown again.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,7 @@ from layoutexplore.benchmark.rows import Row, fingerprints, prepare, score_run
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.drawing.beliefs import SUFFIX, BeliefNotes
 from layoutexplore.errors import ConfigError, WriteError, checks_arguments, counted
+from layoutexplore.grids.arrays import shows_shapes
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.options import JOBS, check_kind
@@ -105,6 +107,7 @@ class BenchmarkWatcher(NamedTuple):
 WATCHED_BY_NOBODY = BenchmarkWatcher()
 
 
+@shows_shapes
 @dataclass(frozen=True)
 class Outcome:
     """What a benchmark leaves.
@@ -128,7 +131,7 @@ class Outcome:
 @checks_arguments
 def run_benchmark(
     config: BenchmarkConfig,
-    out: Path,
+    out: str | os.PathLike[str],
     *,
     jobs: int = 1,
     cluster: str = "",
@@ -153,6 +156,7 @@ def run_benchmark(
         LayoutExploreError: A plan cannot be read, a name is unknown, the folder holds another configuration.
             A run that fails raises nothing: its row says what went wrong.
     """
+    out = Path(out)
     check_kind("config", config, BenchmarkConfig)
     JOBS.convert("--jobs", jobs)
     if cluster:

@@ -109,9 +109,12 @@ class ResultsFolder:
         path: The folder; made by `open_results`.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.table = path / "results.csv"
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self.table = self.path / "results.csv"
+
+    def __repr__(self) -> str:
+        return f"ResultsFolder({str(self.path)!r})"
 
     def rows(self) -> list[Row]:
         """The rows of results.csv; columns that an earlier version did not write are empty.
@@ -191,8 +194,7 @@ class ResultsFolder:
         arrays = {"curve": episode.curve.astype(np.float32), "track": episode.track.astype(np.float32)}
         notes = to_arrays(episode.notes) if episode.notes else {}
         replay = recording_to_arrays(recording) if recording else {}
-        kept = {"row": np.array(format_row(row))}
-        write_arrays(self.curve_path(row), {**arrays, **notes, **replay, **kept})
+        write_arrays(self.curve_path(row), {**arrays, **notes, **replay, "row": np.array(format_row(row))})
         self._failure_path(row).unlink(missing_ok=True)
 
     def save_failure(self, row: Row, text: str) -> None:
@@ -261,13 +263,13 @@ class ResultsFolder:
         occupied = np.unpackbits(data["occupied"], count=rows * cols).reshape(rows, cols).astype(np.bool_)
         return occupied, data["frame"]
 
-    def run_arrays(self, path: Path) -> dict[str, NDArray[Any]]:
+    def run_arrays(self, path: str | os.PathLike[str]) -> dict[str, NDArray[Any]]:
         """What the file of a run holds: "curve", "track", "row", and what was noted of the layout.
 
         Raises:
             ResultsError: It is missing or damaged.
         """
-        return self._arrays(path, _RUN)
+        return self._arrays(Path(path), _RUN)
 
     @staticmethod
     def _arrays(path: Path, rules: Mapping[str, ArrayRule], *beginnings: str) -> dict[str, NDArray[Any]]:
@@ -286,19 +288,17 @@ class ResultsFolder:
 
 
 @contextlib.contextmanager
-def locked(path: Path) -> Iterator[None]:
+def locked(path: str | os.PathLike[str]) -> Iterator[None]:
     """Hold a results folder for one process; it is made where there is none.
 
     Raises:
         ResultsError: Another benchmark is writing there, or the path cannot be a results folder.
     """
+    path = Path(path)
     if path.exists() and not path.is_dir():
         raise ResultsError(f"{path} is a file: --out must name a folder")
-    if (
-        path.exists()
-        and any(path.iterdir())
-        and not any((path / name).exists() for name in ("run.toml", LOCK))
-    ):
+    ours = any((path / name).exists() for name in ("run.toml", LOCK))
+    if path.exists() and any(path.iterdir()) and not ours:
         raise ResultsError(f"{path} is not empty and holds no benchmark: choose another folder with --out")
     lock = path / LOCK
     held = FileLock(lock, timeout=0)
@@ -322,7 +322,7 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def open_results(
-    path: Path,
+    path: str | os.PathLike[str],
     config: BenchmarkConfig,
     plans: list[PlanEntry],
     models: dict[str, str],
@@ -345,7 +345,7 @@ def open_results(
     Raises:
         ResultsError: The folder holds another configuration, or is damaged.
     """
-    folder = ResultsFolder(path)
+    folder, path = ResultsFolder(path), Path(path)
     wanted = manifest_of(config, plans, models, command)
     if force and (path / "run.toml").exists():
         for name in ("runs", "plans"):

@@ -22,7 +22,7 @@ from layoutexplore.closed_doors.models import Models, shipped_models
 from layoutexplore.closed_doors.scene import Scene, room_space, wall_thickness
 from layoutexplore.closed_doors.symmetry import best_mirror
 from layoutexplore.errors import checks_arguments
-from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Mask
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Mask, shows_shapes
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
 
 LEAST_DOOR = 0.25
@@ -50,6 +50,7 @@ DoorClassifier = Callable[[int, Ints, Floats32], Floats]
 """(quarter turns, edges int64 (n, 3), their features) -> probability float64 (n,) that each is a door."""
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class ClosedRooms:
     """What is predicted behind closed doors.

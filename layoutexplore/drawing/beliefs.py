@@ -5,6 +5,7 @@ A benchmark keeps it in a file of its own beside the run's, for the pictures of 
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.files import ArrayRule, read_arrays, write_arrays
-from layoutexplore.grids.arrays import Bytes, Floats32, Ints32
+from layoutexplore.grids.arrays import Bytes, Floats32, Ints32, shows_shapes
 from layoutexplore.predictors.prior_plan import PriorPredictor
 from layoutexplore.priors.completion import Compared, compared
 from layoutexplore.simulation.simulation import Simulation
@@ -27,6 +28,7 @@ SHARES = (0.1, 0.3, 0.6)
 """Coverages at which the plan is kept as it was believed to lie."""
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class BelievedPlan:
     """What one run believed.
@@ -102,12 +104,13 @@ class BeliefNotes:
             write_arrays(path, arrays)
 
 
-def believed_plan(path: Path) -> BelievedPlan | None:
+def believed_plan(path: str | os.PathLike[str]) -> BelievedPlan | None:
     """What a run believed; None where there is no such file: it had no plan known beforehand.
 
     Raises:
         ResultsError: The file is damaged.
     """
+    path = Path(path)
     if not path.is_file():
         return None
     data = read_arrays(path, *_RULES, rules=_RULES)

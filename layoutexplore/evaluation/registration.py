@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -92,7 +93,9 @@ def registration_rows(
         store: Folder where rows are kept; those that are there already are read, unless their features were
             others.
     """
-    path = store and store / f"{safe_name(plan.name)}_{plan.content_hash[:8]}_{sensor}_{seed}.json"
+    others = f"_{hashlib.sha256(among.encode()).hexdigest()[:8]}" if among else ""
+    name = f"{safe_name(plan.name)}_{plan.raster_hash[:8]}_{sensor}_{seed}{others}.json"
+    path = store and store / name
     kept: dict[str, list[RegistrationRow]] = {}
     if path and is_there(path):
         known = _read(path)

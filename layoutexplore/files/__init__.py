@@ -9,12 +9,12 @@ from layoutexplore.files.archives import ArrayRule, is_sound, is_whole, read_arr
 from layoutexplore.files.documents import parse_json, parse_toml, read_json, read_toml, read_yaml
 from layoutexplore.files.limits import limits
 from layoutexplore.files.names import safe_name
+from layoutexplore.files.outputs import check_file, check_kept, check_places
 from layoutexplore.files.reading import fingerprint, is_there, read_bytes, read_text
 from layoutexplore.files.tables import parse_csv, read_csv, write_csv
 from layoutexplore.files.writing import (
     HALF,
     atomic,
-    check_places,
     is_special,
     put_in_place,
     to_toml,
@@ -26,6 +26,8 @@ __all__ = [
     "HALF",
     "ArrayRule",
     "atomic",
+    "check_file",
+    "check_kept",
     "check_places",
     "fingerprint",
     "is_sound",

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
+import secrets
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -15,7 +18,7 @@ from typing import Any
 import tomli_w
 
 from layoutexplore.errors import ConfigError, WriteError, cause, checks_arguments, shortened
-from layoutexplore.files.reading import is_there, shown_path
+from layoutexplore.files.reading import shown_path
 
 HALF = ".part"
 """How the names of files end that are being written."""
@@ -25,7 +28,8 @@ HALF = ".part"
 def atomic(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` that replaces it when the block ends well, and vanishes otherwise.
 
-    A device or a pipe (/dev/null, /dev/stdout) is not replaced but written to.
+    A device or a pipe (/dev/null, /dev/stdout) is not replaced but written to. Of a link, the file that it
+    leads to is replaced. A file keeps its permissions; a new one has those of the process's umask.
 
     Raises:
         WriteError: The file cannot be written.
@@ -37,10 +41,7 @@ def atomic(path: Path) -> Iterator[Path]:
         raise WriteError(f"{shortened(str(path))}: cannot write: a name cannot hold a null character")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        folder = None if is_special(path) else path.parent
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=HALF, dir=folder)
-        os.close(handle)
-        temporary = Path(name)
+        temporary = _half_written(path)
         yield temporary
         put_in_place(temporary, path)
     except OSError as error:
@@ -50,17 +51,47 @@ def atomic(path: Path) -> Iterator[Path]:
             temporary.unlink(missing_ok=True)
 
 
+def _half_written(path: Path) -> Path:
+    """A new empty file to be written instead of `path`: nobody may read it who may not read that one."""
+    if is_special(path):
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=HALF)
+        os.close(handle)
+        return Path(name)
+    place = _behind_links(path)
+    place.parent.mkdir(parents=True, exist_ok=True)
+    mode = place.stat().st_mode & 0o777 | 0o600 if place.exists() else 0o666
+    # O_EXCL follows no link that somebody has put there.
+    beside = place.with_name(f".{place.name}.{secrets.token_hex(4)}{HALF}")
+    os.close(os.open(beside, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode))
+    return beside
+
+
+def _behind_links(path: Path) -> Path:
+    """Where the bytes of a file lie."""
+    return Path(os.path.realpath(path)) if path.is_symlink() else path
+
+
 @checks_arguments
 def put_in_place(file: Path, path: Path) -> None:
     """Move a file to where it belongs; into a device or a pipe that is there its bytes are written.
+
+    A file that is replaced leaves its permissions to the new one; a link leads to the new one as before.
 
     Raises:
         OSError: It cannot be written.
         WriteError: There is a disk.
     """
     if not is_special(path):
-        file.chmod(0o644)
-        file.replace(path)
+        place = _behind_links(path)
+        if place.exists():
+            file.chmod(stat.S_IMODE(place.stat().st_mode))
+        try:
+            file.replace(place)
+        except OSError as error:
+            if error.errno != errno.EXDEV:  # a link may lead to another disk
+                raise
+            with atomic(place) as beside:
+                shutil.copyfile(file, beside)
         return
     if path.is_block_device():
         raise WriteError(f"{path}: cannot write: it is a disk")
@@ -138,35 +169,3 @@ def _without_none(table: Mapping[str, Any]) -> dict[str, Any]:
         for key, value in table.items()
         if value is not None
     }
-
-
-@checks_arguments
-def check_places(
-    out: Path | None, json_file: Path | None = None, *, file: str = "--json", **folders: Path | None
-) -> None:
-    """See whether folders of results and a file can be written; nothing is made yet.
-
-    Args:
-        out: What `--out` names.
-        json_file: What the option `file` names.
-        file: An option.
-        folders: More folders by their options: `store` is what `--store` names.
-
-    Raises:
-        ConfigError: There is a file where a folder is to be, a folder where the file is to be, or no
-            permission.
-    """
-    if json_file is not None and is_there(json_file) and json_file.is_dir():
-        raise ConfigError(f"{json_file} is a folder: {file} must name a file")
-    places = {"--out": out, file: None if json_file is None else json_file.parent}
-    for option, folder in (places | {f"--{name}": place for name, place in folders.items()}).items():
-        if folder is None:
-            continue
-        above = (folder, *folder.absolute().parents)
-        there = next(place for place in above if is_there(place) or place.is_symlink())
-        if not is_there(there):
-            raise ConfigError(f"{there} is a link that leads nowhere: {option} cannot name a folder there")
-        if not there.is_dir():
-            raise ConfigError(f"{there} is a file: {option} cannot name a folder there")
-        if not os.access(there, os.W_OK | os.X_OK):
-            raise ConfigError(f"{there}: no permission to write there; choose another place with {option}")

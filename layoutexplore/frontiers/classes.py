@@ -17,7 +17,7 @@ from numba import njit
 from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.detection import FrontierClusters
-from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Labels, Mask
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Labels, Mask, shows_shapes
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.grids.runs import run_end
@@ -41,6 +41,7 @@ class ClassConfig:
     beyond_area: float = 1.0
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class FrontierClasses:
     """What lies behind each of k frontiers.

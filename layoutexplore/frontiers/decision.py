@@ -19,7 +19,7 @@ from layoutexplore.errors import ConfigError, MapError, checks_calls, shortened
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.frontiers.table import Frontier, FrontierList, FrontierTable
-from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask, shows_shapes
 from layoutexplore.grids.grid import Cell, OccupancyGrid, Pose
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
@@ -134,6 +134,7 @@ class PredictedRooms(Protocol):
 
 
 @checks_calls
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class Decision:
     """One decision of an exploration. Arrays are views that change with the next step: copy what you keep.
@@ -277,12 +278,11 @@ class Decision:
         numbers = np.asarray(chosen)
         good = numbers.ndim == 1 and (numbers.dtype.kind in "iu" or not numbers.size)
         if not good or (numbers.size and not -count <= numbers.min() <= numbers.max() < count):
-            raise ConfigError(
-                f"frontiers are chosen by numbers from 0 to {count - 1}, got {shortened(chosen)}"
-            )
+            raise ConfigError(f"frontiers are chosen by numbers 0 to {count - 1}, got {shortened(chosen)}")
         return numbers.astype(np.int64, copy=False)
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class Truth:
     """The ground truth of a run, for evaluation and for agents that are allowed to know it.

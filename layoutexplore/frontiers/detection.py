@@ -14,10 +14,11 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import MapError, checks_arguments, checks_making
-from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32, Mask, shows_shapes
 from layoutexplore.grids.components import root_of
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class FrontierClusters:
     """Clusters of frontier cells.

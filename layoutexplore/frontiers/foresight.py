@@ -15,11 +15,12 @@ import cv2
 import numpy as np
 
 from layoutexplore.errors import MapError
-from layoutexplore.grids.arrays import Cells, Floats, Ints32, Mask
+from layoutexplore.grids.arrays import Cells, Floats, Ints32, Mask, shows_shapes
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.options import POSITIVE, SHARE, check, check_kind
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Foresight:
     """Space that is foreseen at a decision; arrays are shared, so nobody writes into them.

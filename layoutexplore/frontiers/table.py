@@ -11,10 +11,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
-from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask, shows_shapes
 from layoutexplore.grids.grid import Cell
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class Frontier:
     """A cluster of free cells that border the unknown, with a place to look at it from.

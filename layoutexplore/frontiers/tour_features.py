@@ -20,7 +20,7 @@ from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.options import Rule, check
-from layoutexplore.planning.latency_tours import latency_tour
+from layoutexplore.planning.latency_tours import UNCONNECTED, latency_tour
 
 TOUR_SIZE = 1.0
 """Metres; smaller frontiers wait until no other is left, where no layout tells what is behind them."""
@@ -39,8 +39,6 @@ SURE = 0.7
 
 BEGUN = 60.0
 """Square metres of known floor from which a building can be finished: before, hardly a room is left."""
-
-_UNCONNECTED = 1e6
 
 
 def greatest(parameter: str) -> float:
@@ -145,7 +143,7 @@ def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFe
         return TourFeatures(np.zeros(0), np.zeros(0))
     judged = decision.table.closed[0] != 0.0
     ready = ready_frontiers(decision, LAYOUT_TOUR_SIZE if judged else TOUR_SIZE, config.little_left)
-    distances = np.minimum(decision.path_lengths(ready).astype(np.float64), _UNCONNECTED)
+    distances = np.minimum(decision.path_lengths(ready).astype(np.float64), UNCONNECTED)
     order = latency_tour(
         _as_weighed(distances, decision, ready, config),
         tour_weights(decision, ready, config),
@@ -165,7 +163,7 @@ def tour_features(decision: Decision, config: TourConfig = PLAIN_TOUR) -> TourFe
     if len(others):
         there = decision.path_lengths_from(int(ready[first - 1]), others).astype(np.float64)
         detour[others] = np.maximum(
-            decision.table.path_length[others] + np.minimum(there, _UNCONNECTED) - distances[0, first], 0.0
+            decision.table.path_length[others] + np.minimum(there, UNCONNECTED) - distances[0, first], 0.0
         )
     return TourFeatures(rank, detour)
 

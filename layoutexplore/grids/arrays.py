@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, counted, shortened
+
+C = TypeVar("C", bound=type)
 
 Cells = NDArray[np.int8]
 """Cells of an occupancy grid: -1 unknown, 0 free ... 100 occupied; and other int8 arrays."""
@@ -76,3 +81,47 @@ def small_labels(labels: NDArray[np.integer[Any]], highest: int) -> Labels:
         (dtype('int16'), dtype('int32'))
     """
     return np.ascontiguousarray(labels, label_type(highest))
+
+
+def shows_shapes(cls: C) -> C:
+    """A dataclass whose `repr` says of arrays their kind and shape, and of collections their length.
+
+    Example:
+        >>> @shows_shapes
+        ... @dataclasses.dataclass
+        ... class Walls:
+        ...     cells: Ints32
+        ...     ends: list[tuple[float, float]]
+        ...     name: str = "north"
+        >>> Walls(cells=np.zeros((90, 2), np.int32), ends=[(0.5, 1.5)] * 12)
+        Walls(cells=int32 (90, 2), ends=[12 tuples], name='north')
+    """
+    type.__setattr__(cls, "__repr__", _with_shapes)
+    return cls
+
+
+def _with_shapes(thing: Any) -> str:
+    return _listed(thing, [field.name for field in dataclasses.fields(thing) if field.repr])
+
+
+def _listed(thing: Any, names: Iterable[str]) -> str:
+    values = ", ".join(f"{name}={_as_shape(getattr(thing, name))}" for name in names)
+    return f"{type(thing).__name__}({values})"
+
+
+def _as_shape(value: Any) -> str:
+    """A value to six digits, or how large it is where that is shorter."""
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape}"
+    if isinstance(value, (float, np.floating)):
+        return repr(float(f"{value:.6g}"))
+    if hasattr(value, "_fields"):
+        return _listed(value, value._fields)
+    if isinstance(value, str) or not isinstance(value, (Mapping, Sequence)):
+        return shortened(value)
+    parts = value.values() if isinstance(value, Mapping) else value
+    if isinstance(value, (tuple, list)) and len(value) <= 4 and all(isinstance(p, float) for p in value):
+        return f"({', '.join(map(_as_shape, value))})" if value else shortened(value)
+    if isinstance(value, (tuple, list, dict)) and all(isinstance(p, (str, int)) for p in islice(parts, 8)):
+        return shortened(value)
+    return f"[{counted(len(value), type(next(iter(parts))).__name__)}]"

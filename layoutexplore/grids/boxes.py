@@ -80,6 +80,16 @@ def union(a: Box, b: Box) -> Box:
     return min(a[0], b[0]), max(a[1], b[1]), min(a[2], b[2]), max(a[3], b[3])
 
 
+def box_size(box: Box) -> int:
+    """Cells in a half-open box.
+
+    Example:
+        >>> box_size((2, 4, 4, 7)), box_size((3, 2, 4, 7))
+        (6, 0)
+    """
+    return max(box[1] - box[0], 0) * max(box[3] - box[2], 0)
+
+
 def grown_box(box: Box, margin: int, shape: tuple[int, ...]) -> Box:
     """A half-open box with a margin around it, inside of a grid of (rows, cols).
 

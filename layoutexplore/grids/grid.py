@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from layoutexplore.errors import MapError, checks_calls, shortened
-from layoutexplore.grids.arrays import Cells, Floats, Ints, Mask
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Mask, shows_shapes
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 
@@ -35,18 +35,20 @@ class Cell(NamedTuple):
 
 
 @checks_calls
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class OccupancyGrid:
     """A grid of int8 cells with a resolution and an origin.
 
     Attributes:
-        cells: int8 (rows, cols); -1 unknown, 0 free ... 100 occupied. The array is shared, not copied.
+        cells: int8 (rows, cols); -1 unknown, 0 free ... 100 occupied. An array int8 is shared, not copied,
+            and not searched for other values, which would take long on a large map: `check_cell_range` does.
         resolution: Side of a cell in metres.
         origin: Pose of the lower left corner of cell (0, 0) in the world.
 
     Raises:
-        MapError: The array is empty, not two-dimensional or not integer, a value is outside -1..100, or the
-            resolution or the origin is not a usable number.
+        MapError: The array is empty, not two-dimensional or not integer, a value is outside -1..100 (where
+            they are not int8), or the resolution or the origin is not a usable number.
 
     Example:
         >>> grid = OccupancyGrid(np.array([[0, 100], [-1, 0]], np.int8), resolution=0.5)

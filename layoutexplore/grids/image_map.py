@@ -5,17 +5,14 @@ map, walls may be grey, furniture is a mid-grey that lies a few steps from the u
 and some maps have two levels only. So the unknown is recognised by where it is, not by its value:
 
 1. Free is brighter than 230 (or, where nothing is, than halfway between the brightest common level and the
-  next).
+   next).
 2. Unknown levels are the mid-greys that make up a good part of the image's border; all their pixels are
-  unknown. Other flat
-   mid-greys are unknown only where they fill a thick area of many square metres (a courtyard), not as walls
-   or furniture.
+   unknown. Other flat mid-greys are unknown only where they fill a thick area of many square metres (a
+   courtyard), not as walls or furniture.
 3. What is left is occupied, except blends between free and unknown on an antialiased edge, and stray mid-grey
-  pixels
-   that touch no free space.
+   pixels that touch no free space.
 4. Where that leaves next to nothing occupied along the free space, or no unknown level exists, the map has
-  two
-   levels: solid masses are unknown inside and occupied along the free space.
+   two levels: solid masses are unknown inside and occupied along the free space.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ UnknownGrey = int | Literal["auto", "none"]
 
 @checks_arguments
 def load_grid(
-    path: str | Path,
+    path: str | os.PathLike[str],
     *,
     resolution: float | None = None,
     unknown_grey: UnknownGrey = "auto",
@@ -75,7 +75,7 @@ def load_grid(
         MapWarning: 205 was read as unknown against the thresholds, or the image was found in another place
             than the YAML says.
     """
-    check_kind("path", path, str, Path)
+    check_kind("path", path, str, os.PathLike)
     path = Path(path)
     if resolution is not None:
         check_resolution(resolution)
@@ -99,13 +99,14 @@ def load_grid(
 
 
 @checks_arguments
-def read_image(path: Path, *, luma: bool = False) -> tuple[Bytes, Mask]:
+def read_image(path: str | os.PathLike[str], *, luma: bool = False) -> tuple[Bytes, Mask]:
     """Grey levels uint8 (h, w) and which pixels are not opaque, bool (h, w), of an image of any kind.
 
     Args:
         path: The image.
         luma: Weigh colours as the eye does; otherwise average the channels, as map_server does.
     """
+    path = Path(path)
     pixels = read_pixels(path)
     transparent = np.zeros(pixels.shape[:2], np.bool_)
     if pixels.ndim == 2:
@@ -203,6 +204,20 @@ def _find_image(path: Path, named: str, anywhere: bool) -> Path:
     )
 
 
+@checks_arguments
+def images_of(path: str | os.PathLike[str]) -> tuple[Path, ...]:
+    """Where the image of a ROS map may lie: where its YAML says, and beside it; nowhere if it says none."""
+    path = Path(path)
+    try:
+        data = read_yaml(path)
+    except MapError:
+        return ()
+    named = str(data.get("image") or "") if isinstance(data, dict) else ""
+    if not 0 < len(named.encode(errors="replace")) <= _LONGEST_NAME or "\0" in named:
+        return ()
+    return path.parent / named, path.parent / Path(named.replace("\\", "/")).name
+
+
 def _parse(path: Path, image_anywhere: bool) -> _RosMap:
     """The YAML's entries, or a `MapError` that names the entry that is wrong."""
     data = read_yaml(path)
@@ -251,7 +266,7 @@ def _number(value: Any, name: str, path: Path) -> float:
 
 
 @checks_arguments
-def save_grid(grid: OccupancyGrid, path: str | Path, *, mode: str = "trinary") -> None:
+def save_grid(grid: OccupancyGrid, path: str | os.PathLike[str], *, mode: str = "trinary") -> None:
     """Write a ROS map: NAME.yaml beside NAME.pgm (trinary) or NAME.png (scale, raw).
 
     Scale and raw keep every value from 0 to 100; trinary keeps free (up to 19), occupied (from 65) and
@@ -266,7 +281,7 @@ def save_grid(grid: OccupancyGrid, path: str | Path, *, mode: str = "trinary") -
         MapError: The mode is not known, or the files cannot be written.
     """
     check_kind("grid", grid, OccupancyGrid)
-    check_kind("path", path, str, Path)
+    check_kind("path", path, str, os.PathLike)
     if not isinstance(mode, str) or mode not in MODES:
         raise MapError(f"mode must be one of {', '.join(MODES)}, got {shortened(mode)}")
     path = Path(path)

@@ -9,6 +9,7 @@ envelope are the building's free space.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -81,7 +82,7 @@ class BlueprintConfig:
 
 @checks_arguments
 def load_blueprint(
-    path: str | Path,
+    path: str | os.PathLike[str],
     *,
     resolution: float = DEFAULT_RESOLUTION,
     config: BlueprintConfig | None = None,

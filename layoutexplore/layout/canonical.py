@@ -18,7 +18,7 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, shows_shapes
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.grids.polygons import Point, valid_polygons
@@ -148,6 +148,7 @@ class Inversion:
         )
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class InvertedDetails(Details):
     """Details of an oriented grid, brought back when they are asked for."""

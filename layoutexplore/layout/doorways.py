@@ -17,7 +17,17 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, checks_arguments, checks_calls
-from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Labels, Mask, small_labels
+from layoutexplore.grids.arrays import (
+    Cells,
+    Floats,
+    Floats32,
+    Ints,
+    Ints32,
+    Labels,
+    Mask,
+    shows_shapes,
+    small_labels,
+)
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.flood import spread_in_place
@@ -63,6 +73,7 @@ SHIPPED = DoorwaysConfig()
 """With these the models that ship have learnt."""
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class Regions:
     """The seen parts of the rooms of a grid.

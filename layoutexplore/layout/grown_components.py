@@ -14,7 +14,7 @@ from numba import njit
 
 from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32, Labels, Mask
-from layoutexplore.grids.boxes import Box, grown_box, union
+from layoutexplore.grids.boxes import Box, box_size, grown_box, union
 from layoutexplore.grids.components import join_runs
 from layoutexplore.grids.flood import Row, list_marked, mark_border
 from layoutexplore.grids.runs import run_end, runs_of, write_runs
@@ -106,7 +106,7 @@ class GrownComponents:
         context = max(depth, _LEAST_CONTEXT)
         while True:
             around = grown_box(part, context, shape)
-            if _size(around) > self._large * self.labels.size:
+            if box_size(around) > self._large * self.labels.size:
                 return False
             row0, row1, col0, col1 = around
             first, last = np.searchsorted(self._seed_runs[:, 0], (row0, row1))
@@ -161,10 +161,6 @@ def _touching(runs: Ints32, box: Box) -> Mask:
     """Bool (n,): which runs int32 (n, 3) have a cell in a box."""
     row0, row1, col0, col1 = box
     return (runs[:, 0] >= row0) & (runs[:, 0] < row1) & (runs[:, 1] < col1) & (runs[:, 2] > col0)
-
-
-def _size(box: Box) -> int:
-    return (box[1] - box[0]) * (box[3] - box[2])
 
 
 @njit(cache=True, nogil=True)

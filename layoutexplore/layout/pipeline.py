@@ -83,7 +83,11 @@ class LayoutCache:
         seen = grid.cells.copy() if self.exact else grid.cells == OCCUPIED
         frame = grid.resolution, grid.origin
         if self._layout is None or frame != self._frame or self._differs(grid, seen):
-            self._layout = self.method.run(part() if part else grid, self.config)
+            shown = part() if part else grid
+            if np.may_share_memory(shown.cells, grid.cells):
+                # Rooms are made when they are first looked at: the map may have grown by then.
+                shown = replace(shown, cells=shown.cells.copy())
+            self._layout = self.method.run(shown, self.config)
             self._seen, self._frame, self._cells = seen, frame, grid.cells
             self._most = 0 if self.exact else int(self.growth * np.count_nonzero(seen))
         return self._layout

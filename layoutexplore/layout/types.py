@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 
 from layoutexplore.errors import MapError, shortened
-from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask, shows_shapes
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.polygons import Point
 from layoutexplore.options import check_kind
@@ -37,6 +37,7 @@ class FaceKind(StrEnum):
     INTERNAL = "internal"
 
 
+@shows_shapes
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Wall:
     """Collinear segments that belong together.
@@ -96,6 +97,7 @@ class FaceEdge(NamedTuple):
     neighbour: int
 
 
+@shows_shapes
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Face:
     """A cell of the arrangement of representative lines.
@@ -165,6 +167,7 @@ class Details:
         return ()
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class ScoreDetails(Details):
     """The details of a method that only scores cells."""
@@ -239,6 +242,7 @@ class Deferred(Sequence[ItemT]):
         return len(self._items)
 
 
+@shows_shapes
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Layout:
     """The reconstructed layout of a grid, with every intermediate result that the method computes.

@@ -52,12 +52,15 @@ def save_weights(path: Path, weights: Mapping[str, NDArray[np.generic]], note: s
 
 
 @checks_arguments
-def load_weights(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Weights:
+def load_weights(
+    path: Path, shapes: Mapping[str, tuple[int, ...]], what: str = "network of the predictor layout"
+) -> Weights:
     """Read weights; a file that has been read is kept until it changes.
 
     Args:
         path: The file.
         shapes: What it must hold.
+        what: The network, in words.
 
     Returns:
         All as float32.
@@ -68,8 +71,8 @@ def load_weights(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Weights:
     try:
         changed = path.stat().st_mtime_ns
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read as a network of the predictor layout: {error}") from error
-    weights = _read(path, changed)
+        raise ConfigError(f"{path}: cannot be read as a {what}: {error}") from error
+    weights = _read(path, what, changed)
     for name, shape in shapes.items():
         values = weights.get(name)
         if values is None or values.shape != shape:
@@ -79,8 +82,8 @@ def load_weights(path: Path, shapes: Mapping[str, tuple[int, ...]]) -> Weights:
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, _changed: int) -> Weights:
-    weights, _ = read_tensors(path, error=ConfigError, what="network of the predictor layout")
+def _read(path: Path, what: str, _changed: int) -> Weights:
+    weights, _ = read_tensors(path, error=ConfigError, what=what)
     return MappingProxyType(
         {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}
     )

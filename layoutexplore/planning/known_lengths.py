@@ -14,7 +14,7 @@ class KnownLengths:
     """Lengths between the places that were asked for, in units of a search.
 
     Args:
-        most: Places that are kept; beyond it only those that are asked for are.
+        most: Places that are kept; where they and new ones are more, only those that are asked for are.
 
     Attributes:
         cells: int64 (n, 2), the places as (row, col).
@@ -40,8 +40,8 @@ class KnownLengths:
     def rows(self, wanted: Ints) -> Ints:
         """The rows int64 (n,) of places int64 (n, 2) in the table, which are added where they are new."""
         places, asked = [tuple(cell) for cell in self.cells.tolist()], [tuple(c) for c in wanted.tolist()]
-        if len(places) + len(asked) > self._most:
-            those = set(asked)
+        those = set(asked)
+        if len(those.union(places)) > self._most:
             self.keep(np.array([k for k, place in enumerate(places) if place in those], np.int64))
             places = [tuple(cell) for cell in self.cells.tolist()]
         known = {place: k for k, place in enumerate(places)}

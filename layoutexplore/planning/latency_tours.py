@@ -20,14 +20,12 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, shortened
 from layoutexplore.grids.arrays import Floats, Ints
-from layoutexplore.planning.tours import move_stretch, open_tour
+from layoutexplore.planning.tours import LEAST_GAIN, LONGEST_STRETCH, move_stretch, open_tour
 
-_GAIN = 1e-6
-"""A move must save more than this, so that rounding cannot make the search run in circles."""
-_LONGEST_STRETCH = 3
 _NEAR = 0.5
 """Metres added to a way in the greedy start, so that the nearest place does not win by its nearness alone."""
-_UNCONNECTED = 1e6
+UNCONNECTED = 1e6
+"""Metres between places that are not connected."""
 
 
 def latency_tour(
@@ -55,23 +53,29 @@ def latency_tour(
         [3, 1, 2]
     """
     shorter = open_tour(distances)
-    count = len(shorter)
+    matrix, shares = _prepared(distances, weights, len(shorter))
+    if not (np.isfinite(patience) and patience >= 0):
+        raise ConfigError(f"patience must be a finite number of 0 or more, got {shortened(patience)}")
+    if len(shorter) < 2:
+        return shorter
+    short = np.concatenate([[0], shorter])
+    greedy = _greedy(matrix, shares)
+    cost, greedy_cost = _improve(matrix, shares, patience, short), _improve(matrix, shares, patience, greedy)
+    return (short if cost <= greedy_cost else greedy)[1:]
+
+
+def _prepared(
+    distances: NDArray[np.floating], weights: NDArray[np.floating], count: int
+) -> tuple[Floats, Floats]:
+    """Finite distances, and the share of the weight of place 0, which has none, and of all others."""
     shares = np.asarray(weights, np.float64)
     if shares.shape != (count,) or not np.isfinite(shares).all() or (shares < 0).any():
         raise ConfigError(
             f"a tour over {count} places needs as many finite weights of 0 or more, got shape {shares.shape}"
         )
-    if not (np.isfinite(patience) and patience >= 0):
-        raise ConfigError(f"patience must be a finite number of 0 or more, got {shortened(patience)}")
-    if count < 2:
-        return shorter
     total = shares.sum()
-    shares = np.concatenate([[0.0], shares / total if total > 0 else np.full(count, 1.0 / count)])
-    matrix = np.minimum(np.asarray(distances, np.float64), _UNCONNECTED)
-    short = np.concatenate([[0], shorter])
-    greedy = _greedy(matrix, shares)
-    cost, greedy_cost = _improve(matrix, shares, patience, short), _improve(matrix, shares, patience, greedy)
-    return (short if cost <= greedy_cost else greedy)[1:]
+    shares = np.concatenate([[0.0], shares / total if total > 0 else np.full(count, 1.0 / max(count, 1))])
+    return np.minimum(np.asarray(distances, np.float64), UNCONNECTED), shares
 
 
 def latency_cost(
@@ -80,11 +84,11 @@ def latency_cost(
     order: NDArray[np.integer],
     patience: float = 1.0,
 ) -> float:
-    """The cost of a tour from place 0 over places int (n,) in this order; see `latency_tour`."""
+    """The cost of a tour from place 0 over places int (n,) in this order, as `latency_tour` counts it."""
+    matrix, shares = _prepared(distances, weights, len(distances) - 1)
     tour = np.concatenate([[0], order]).astype(np.int64)
-    times = np.cumsum(np.asarray(distances, np.float64)[tour[:-1], tour[1:]])
-    shares = np.asarray(weights, np.float64)[tour[1:] - 1]
-    return float((shares / shares.sum()) @ times + patience * times[-1])
+    times = np.concatenate([[0.0], np.cumsum(matrix[tour[:-1], tour[1:]])])
+    return float(shares[tour] @ times + patience * times[-1])
 
 
 @njit(cache=True, nogil=True)
@@ -149,7 +153,7 @@ def _two_opt(distances: Floats, patience: float, tour: Ints, sums: Floats) -> bo
             if j + 1 < count:
                 late = end + ways_out[tour[j + 1]] - times[j + 1]
             growth = (weights[j] - weight_before) * (end + time) - 2.0 * (latencies[j] - latency_before)
-            if growth + late * (total - weights[j]) < -_GAIN:
+            if growth + late * (total - weights[j]) < -LEAST_GAIN:
                 tour[i : j + 1] = tour[i : j + 1][::-1].copy()
                 return True
     return False
@@ -158,7 +162,7 @@ def _two_opt(distances: Floats, patience: float, tour: Ints, sums: Floats) -> bo
 @njit(cache=True, nogil=True)
 def _or_opt(distances: Floats, patience: float, tour: Ints, sums: Floats, buffer: Ints) -> bool:
     """Move the first stretch of up to three places that makes the tour cheaper; whether there was one."""
-    for size in range(1, _LONGEST_STRETCH + 1):
+    for size in range(1, LONGEST_STRETCH + 1):
         for i in range(1, len(tour) - size + 1):
             k, backwards = _better_place(distances, patience, tour, sums, i, i + size - 1)
             if k >= 0:
@@ -189,10 +193,10 @@ def _better_place(
         here, then, duration_less = tour[k], tour[k + 1], duration - times[k + 1]
         pushed = total - weights[last] + weights[i - 1] - weights[k]
         start = times[k] + to_first[here]
-        if ahead + closed + weight * start + pushed * (start + duration_less + to_last[then]) < -_GAIN:
+        if ahead + closed + weight * start + pushed * (start + duration_less + to_last[then]) < -LEAST_GAIN:
             return k, False
         start = times[k] + to_last[here]
-        if back + closed + weight * start + pushed * (start + duration_less + to_first[then]) < -_GAIN:
+        if back + closed + weight * start + pushed * (start + duration_less + to_first[then]) < -LEAST_GAIN:
             return k, True
     for k in range(last + 1, count):
         here, pushed, between = tour[k], total - weights[k], shift * (weights[k] - weights[last])
@@ -200,9 +204,9 @@ def _better_place(
         if k + 1 < count:
             way_ahead, way_back, left = to_last[tour[k + 1]], to_first[tour[k + 1]], times[k + 1]
         start = times[k] + shift + to_first[here]
-        if ahead + between + weight * start + pushed * (start + duration + way_ahead - left) < -_GAIN:
+        if ahead + between + weight * start + pushed * (start + duration + way_ahead - left) < -LEAST_GAIN:
             return k, False
         start = times[k] + shift + to_last[here]
-        if back + between + weight * start + pushed * (start + duration + way_back - left) < -_GAIN:
+        if back + between + weight * start + pushed * (start + duration + way_back - left) < -LEAST_GAIN:
             return k, True
     return -1, False

@@ -72,8 +72,7 @@ def descend(distances: Floats32, traversable: Mask, target: Cell) -> Ints32:
 
     Returns:
         int32 (k, 2): cells as (row, col) from the source to the target, both included. Ties are broken the
-            same way
-        every time.
+        same way every time.
 
     Raises:
         ConfigError: The target lies outside or cannot be reached.
@@ -158,7 +157,8 @@ def check_path(path: NDArray[np.integer], start: Cell) -> Ints32:
         raise ConfigError(
             f"the path jumps from {tuple(path[k])} to {tuple(path[k + 1])}: cells must be neighbours"
         )
-    return path.astype(np.int32)
+    # In one order of memory: kernels are compiled anew for the other one.
+    return path.astype(np.int32, order="C")
 
 
 def distance_matrix(traversable: Mask, cells: Ints32, resolution: float) -> Floats32:

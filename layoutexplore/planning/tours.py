@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Floats, Ints
 
-_GAIN = 1e-6
+LEAST_GAIN = 1e-6
 """A move must save more than this many metres, so that rounding cannot make the search run in circles."""
-_LONGEST_STRETCH = 3
+
+LONGEST_STRETCH = 3
+"""So many places Or-opt moves at most."""
 
 
 def open_tour(distances: NDArray[np.floating]) -> Ints:
@@ -121,7 +123,7 @@ def _two_opt(distances: Floats, tour: Ints) -> bool:
             if j + 1 < count:
                 before += distances[tour[j], tour[j + 1]]
                 after += distances[tour[i], tour[j + 1]]
-            if after < before - _GAIN:
+            if after < before - LEAST_GAIN:
                 tour[i : j + 1] = tour[i : j + 1][::-1].copy()
                 improved = True
     return improved
@@ -131,7 +133,7 @@ def _two_opt(distances: Floats, tour: Ints) -> bool:
 def _or_opt(distances: Floats, tour: Ints, buffer: Ints) -> bool:
     """Move the first stretch of up to three places whose move saves metres; whether there was one."""
     count = len(tour)
-    for size in range(1, _LONGEST_STRETCH + 1):
+    for size in range(1, LONGEST_STRETCH + 1):
         for i in range(1, count - size + 1):
             first, last = tour[i], tour[i + size - 1]
             saved = distances[tour[i - 1], first]
@@ -146,7 +148,7 @@ def _or_opt(distances: Floats, tour: Ints, buffer: Ints) -> bool:
                     after = tour[k + 1]
                     forward += distances[last, after] - distances[tour[k], after]
                     backward += distances[first, after] - distances[tour[k], after]
-                if min(forward, backward) < saved - _GAIN:
+                if min(forward, backward) < saved - LEAST_GAIN:
                     move_stretch(tour, buffer, i, size, k, backward < forward)
                     return True
     return False

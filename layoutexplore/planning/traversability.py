@@ -14,7 +14,7 @@ import numpy as np
 
 from layoutexplore.errors import ConfigError, checks_making
 from layoutexplore.grids.arrays import Bytes, Cells, Ints32
-from layoutexplore.grids.boxes import Box, grown_box, union
+from layoutexplore.grids.boxes import Box, box_size, grown_box, union
 from layoutexplore.grids.connected_tiles import ConnectedTiles
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
 from layoutexplore.grids.morphology import inflate
@@ -157,7 +157,7 @@ class Traversability:
         box, self._changed = self._changed, _NOTHING
         if box[0] >= box[1]:
             return
-        if self.corners is None and (self._vast or _size(self._ever_changed) >= self._large):
+        if self.corners is None and (self._vast or box_size(self._ever_changed) >= self._large):
             rows, cols = self._shape
             self.corners, self._connected = CornerPaths(self._shape), ConnectedTiles((rows + 2, cols + 2))
             self.cache = DistanceCache()
@@ -189,8 +189,3 @@ class Traversability:
             if 0 <= row < window.shape[0] and 0 <= col < window.shape[1]:
                 window[row, col] = 0
         return window
-
-
-def _size(box: Box) -> int:
-    """Cells in a box."""
-    return max(box[1] - box[0], 0) * max(box[3] - box[2], 0)

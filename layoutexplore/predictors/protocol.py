@@ -13,13 +13,14 @@ from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
 from layoutexplore.frontiers.decision import Decision, PredictedRooms
 from layoutexplore.frontiers.table import FrontierList
-from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask, shows_shapes
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.layout.outlines import layout_of_labels
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class RoomLabels:
     """Predicted rooms.

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from layoutexplore.frontiers.decision import Decision, Truth
+from layoutexplore.grids.arrays import shows_shapes
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class Snapshot:
     """A decision of an exploration, frozen.

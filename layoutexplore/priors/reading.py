@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
+import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -76,7 +76,7 @@ class ReadPicture:
 
 
 @checks_arguments
-def read_prior(path: str | Path, hints: PriorHints | None = None) -> PriorPlan:
+def read_prior(path: str | os.PathLike[str], hints: PriorHints | None = None) -> PriorPlan:
     """A prior plan from a floor plan (file or name), or from a picture of one.
 
     An image without rooms of its own is read as a blueprint or evacuation plan; its scale follows from the
@@ -87,7 +87,8 @@ def read_prior(path: str | Path, hints: PriorHints | None = None) -> PriorPlan:
         MapError: The file cannot be read, is no plan, or shows no walls.
     """
     hints = hints or PriorHints()
-    place, _ = split_level(str(path))
+    path = os.fspath(path)
+    place, _ = split_level(path)
     if place.suffix.lower() in IMAGE_SUFFIXES and is_file(place) and not shows_rooms(path):
         image = on_paper(read_pixels(place))
         try:
@@ -96,7 +97,7 @@ def read_prior(path: str | Path, hints: PriorHints | None = None) -> PriorPlan:
             raise MapError(f"{place}: {error}") from error
     plan = load_plan(path)
     prior = prior_of_plan(plan, hints)
-    return dataclasses.replace(prior, name=str(path) if is_there(place) else plan.name)
+    return dataclasses.replace(prior, name=path if is_there(place) else plan.name)
 
 
 @checks_arguments

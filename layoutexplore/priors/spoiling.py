@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 
 from layoutexplore.errors import checks_arguments
-from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask, shows_shapes
 from layoutexplore.grids.polygons import fill
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.raster import PlanRaster
@@ -96,6 +96,7 @@ class SpoilConfig:
         )
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class SpoiledPlan:
     """A bad plan.

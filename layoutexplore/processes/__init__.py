@@ -11,6 +11,7 @@ import signal
 import sys
 import threading
 import time
+import types
 from collections.abc import Iterator
 from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
@@ -69,6 +70,25 @@ def single_threaded() -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+
+
+_swapping = threading.RLock()
+
+
+@contextlib.contextmanager
+def without_main() -> Iterator[None]:
+    """Processes started inside the block do not import the program's main module.
+
+    They need nothing of it, and it may have no file (a program that is read from stdin) or no guard: each of
+    them would begin the program anew. What is handed to them inside the block must not be defined in it.
+    """
+    with _swapping:  # two threads that put theirs back in the wrong order would leave an empty one
+        main = sys.modules["__main__"]
+        sys.modules["__main__"] = types.ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = main
 
 
 GRACE = 3.0

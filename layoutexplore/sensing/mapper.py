@@ -43,11 +43,13 @@ class MapperConfig:
         clamp: Least and greatest evidence a cell can hold (OctoMap: -2.0 and 3.5).
         free_below: At or below this evidence a cell is free.
         occupied_above: At or above this evidence a cell is occupied. In between it stays what it was.
-        hit_share: A cell is hit by a scan where this share of the beams into it end in it, else it is missed:
-            of a doorway's beams some always end beside its jambs.
+        hit_share: A cell is hit by a scan where this share (0..1, not 0) of the beams into it end in it, else
+            it is missed: of a doorway's beams some always end beside its jambs.
+
+    Evidence is kept in hundredths, and the share in per cent: what rounds to 0 is none.
 
     Raises:
-        ConfigError: The values are not finite or not in order.
+        ConfigError: The values are not finite, out of their range, or not in order.
     """
 
     hit: float = 0.85
@@ -61,10 +63,19 @@ class MapperConfig:
         values = (self.hit, self.miss, *self.clamp, self.free_below, self.occupied_above)
         if not all(math.isfinite(v) and abs(v) <= 100 for v in values):
             raise ConfigError(f"log odds must be finite and at most 100, got {self}")
-        if not (self.hit > 0 and self.miss > 0):
-            raise ConfigError(f"hit and miss must be above 0, got {self.hit} and {self.miss}")
-        if not (self.clamp[0] <= self.free_below < self.occupied_above <= self.clamp[1]):
+        if not 0 < self.hit_share <= 1:
+            raise ConfigError(f"hit_share must be above 0 and at most 1, got {self.hit_share}")
+        rule = self.in_hundredths
+        if not (rule.hit > 0 and rule.miss > 0 and rule.hit_share > 0):
+            raise ConfigError(f"hit, miss and hit_share must be 0.01 or more when rounded, got {self}")
+        if not (rule.least <= rule.free_below < rule.occupied_above <= rule.most):
             raise ConfigError(f"thresholds must lie in order inside the clamp, got {self}")
+
+    @property
+    def in_hundredths(self) -> LogOddsRule:
+        """The values as fixed-point numbers, as evidence is kept."""
+        weights = (self.hit, self.miss, *self.clamp, self.free_below, self.occupied_above, self.hit_share)
+        return LogOddsRule(*(round(100 * value) for value in weights))
 
 
 class ScanUpdate(NamedTuple):
@@ -128,18 +139,7 @@ class Mapper:
         self.grid = OccupancyGrid(np.full((rows, cols), UNKNOWN, np.int8), float(resolution), Pose(*origin))
         self.known_free = 0
         self.occupied_count = 0
-        least, most = self.config.clamp
-        odds = (
-            self.config.hit,
-            self.config.miss,
-            least,
-            most,
-            self.config.free_below,
-            self.config.occupied_above,
-            self.config.hit_share,
-        )
-        # Fixed-point numbers, as the evidence is kept.
-        self._rule = LogOddsRule(*(round(100 * value) for value in odds))
+        self._rule = self.config.in_hundredths
         self._evidence: EvidenceGrid | None = None
         self._last_view: tuple[LidarConfig, FieldOfView] | None = None
         self._stamp = 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.metrics.exploration import FULLY_SEEN
@@ -63,9 +63,10 @@ class SimulationConfig:
         gone_share: A path ends early when less than this share of the target frontier is left, 0..1.
         region: Corners (x, y) in metres of a polygon that is explored alone: frontiers outside are not
             offered, coverage counts inside, and the robot starts inside. The whole building when None.
-        noise: A level of `NOISE`: "low", "middle" or "high" sets the odometry's drift and the lidar's noise;
-            "" leaves both as they are given.
-        odometry_noise: How the believed pose drifts; what scan matching leaves of it enters the map.
+        noise: A level of `NOISE`: "low", "middle" or "high" sets the odometry's drift and the lidar's noise,
+            which `odometry` and `lidar` tell; "" leaves both as they are given.
+        odometry_noise: How the believed pose drifts; what scan matching leaves of it enters the map. With a
+            level of noise it stays as it is.
         scan_matching: Correct a drifting pose by matching each scan with the map, as SLAM does.
 
     Raises:
@@ -93,7 +94,7 @@ class SimulationConfig:
         check_kind("noise", self.noise, str)
         check_kind("odometry_noise", self.odometry_noise, OdometryNoise)
         if self.noise:
-            self._apply_noise()
+            self._check_noise()
         check(
             self,
             resolution=Rule(low=0.01, high=10.0),
@@ -112,13 +113,19 @@ class SimulationConfig:
         check(self.odometry_noise, "odometry_noise.", translation=noise, rotation=noise)
         object.__setattr__(self, "region", check_region(self.region))
 
-    def _apply_noise(self) -> None:
+    def _check_noise(self) -> None:
+        """See that there is such a level, and no drift beside it; files tell the level's own drift, too."""
         if self.noise not in NOISE:
             raise unknown_name("noise", self.noise, NOISE)
         level = NOISE[self.noise].odometry
         if self.odometry_noise not in (PERFECT_ODOMETRY, level):
             raise ConfigError(f"noise={self.noise!r} sets odometry_noise: give one of the two")
-        object.__setattr__(self, "odometry_noise", level)
+        object.__setattr__(self, "odometry_noise", PERFECT_ODOMETRY)
+
+    @property
+    def odometry(self) -> OdometryNoise:
+        """How the believed pose drifts: as the level of noise says, if there is one."""
+        return NOISE[self.noise].odometry if self.noise else self.odometry_noise
 
     @property
     def lidar(self) -> LidarConfig:
@@ -128,3 +135,14 @@ class SimulationConfig:
             return config
         level = NOISE[self.noise]
         return dataclasses.replace(config, range_noise_std=level.range_std, dropout=level.dropout)
+
+    def as_table(self) -> dict[str, Any]:
+        """The options as plain nested values; `odometry_noise` is the drift that a level of noise sets."""
+        return dataclasses.asdict(self) | {"odometry_noise": dataclasses.asdict(self.odometry)}
+
+    # Pickles tell the drift of the level, too, as tables do and as those of earlier versions did.
+    def __getstate__(self) -> dict[str, Any]:
+        return vars(self) | {"odometry_noise": self.odometry}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state, **({"odometry_noise": PERFECT_ODOMETRY} if state.get("noise") else {}))

@@ -13,7 +13,7 @@ import numpy as np
 
 from layoutexplore.errors import ConfigError, LayoutExploreError, checks_making, shortened
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
-from layoutexplore.grids.arrays import Floats
+from layoutexplore.grids.arrays import Floats, shows_shapes
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.options import NATURAL, SEED, check_kind
@@ -27,6 +27,7 @@ MAX_DECISIONS = 20_000
 """A run that is not over after this many decisions is stuck: the longest real ones take a few hundred."""
 
 
+@shows_shapes
 @dataclass(frozen=True)
 class Episode:
     """What one exploration left behind.
@@ -114,12 +115,14 @@ def play(
     """
     _check_callers(simulation, agent, saved, on_step=on_step, until=until, probe=probe)
     began = time.perf_counter()
+    timed = simulation.predictor if isinstance(simulation.predictor, TimedPredictor) else None
+    predicted = timed.ms if timed else 0.0  # Earlier runs of this simulation have added to it.
     decision = saved.restore(simulation, agent) if saved else _begin(simulation, agent, seed, start)
     took: list[float] = []
-    timed = simulation.predictor if isinstance(simulation.predictor, TimedPredictor) else None
     asked_beside = probe(simulation) if probe and timed else None
     predictions: list[float] = []
-    predicted = timed.ms if timed and saved else 0.0
+    if timed and saved:
+        predicted = timed.ms
     if on_step:
         on_step(simulation)
     while not simulation.done and not (until and until(simulation)):

@@ -8,8 +8,8 @@ on from anything but where it stopped.
 
 from __future__ import annotations
 
-import dataclasses
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError, ResultsError, cause, checks_arguments
 from layoutexplore.files import ArrayRule, parse_json, read_arrays, write_arrays
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, Walk, remembers
-from layoutexplore.grids.arrays import Ints32
+from layoutexplore.grids.arrays import Ints32, shows_shapes
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.options import check_kind, from_table
@@ -43,6 +43,7 @@ _ELSEWHERE = "the moves of this saved run lead elsewhere: another version of lay
 _FIELDS = {"format": int, "plan": str, "content_hash": str, "seed": int, "config": dict, "notes": dict}
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class SavedRun:
     """A run that was saved.
@@ -50,6 +51,7 @@ class SavedRun:
     Attributes:
         plan: Name of the floor plan.
         content_hash: Of the floor plan.
+        raster_hash: Of the floor plan, too; empty in files of earlier versions.
         config: How it was simulated.
         seed: Of the run.
         start: Where it was told to begin; None where the seed decided.
@@ -67,6 +69,7 @@ class SavedRun:
     moves: list[Choice | tuple[float, float]]
     notes: dict[str, Any]
     arrays: dict[str, NDArray[Any]]
+    raster_hash: str = ""
 
     def restore(self, simulation: Simulation, agent: Agent | None = None) -> Decision:
         """Bring a simulation to where the run stopped; the decision that is due there.
@@ -84,6 +87,11 @@ class SavedRun:
         """
         if simulation.plan.content_hash != self.content_hash or simulation.config != self.config:
             raise ConfigError(f"this run was saved on {self.plan!r} with another plan or configuration")
+        if self.raster_hash not in ("", simulation.plan.raster_hash):
+            raise ConfigError(
+                f"this run was saved on {self.plan!r} with another plan: one of the same geometry, whose ids "
+                "of rooms or rooms of doors are others"
+            )
         predictor = simulation.predictor
         asks = agent is not None and remembers(agent, otherwise=True)
         predicts = asks or remembers(predictor, otherwise=False)
@@ -135,7 +143,9 @@ def _reached(simulation: Simulation) -> dict[str, NDArray[Any]]:
 
 
 @checks_arguments
-def save_simulation(simulation: Simulation, path: str | Path, notes: dict[str, Any] | None = None) -> None:
+def save_simulation(
+    simulation: Simulation, path: str | os.PathLike[str], notes: dict[str, Any] | None = None
+) -> None:
     """Write a run, between two moves, to a file from which `load_simulation` goes on.
 
     Args:
@@ -148,7 +158,7 @@ def save_simulation(simulation: Simulation, path: str | Path, notes: dict[str, A
         WriteError: The file cannot be written.
     """
     check_kind("simulation", simulation, Simulation)
-    check_kind("path", path, str, Path)
+    check_kind("path", path, str, os.PathLike)
     state = getattr(simulation, "state", None)
     if state is None:
         raise ConfigError("there is no run to save: call reset() first")
@@ -158,9 +168,10 @@ def save_simulation(simulation: Simulation, path: str | Path, notes: dict[str, A
         "format": FORMAT,
         "plan": simulation.plan.name,
         "content_hash": simulation.plan.content_hash,
+        "raster_hash": simulation.plan.raster_hash,
         "seed": state.seed,
         "start": state.start,
-        "config": dataclasses.asdict(simulation.config),
+        "config": simulation.config.as_table(),
         "notes": notes or {},
     }
     written = [_written(move) for move in state.moves]
@@ -196,13 +207,13 @@ _ARRAYS = {
 """What the file of a run must hold."""
 
 
-def read_saved_run(path: str | Path) -> SavedRun:
+def read_saved_run(path: str | os.PathLike[str]) -> SavedRun:
     """A run from a file of `save_simulation`.
 
     Raises:
         ResultsError: The file is missing, damaged, or no saved run of this version.
     """
-    check_kind("path", path, str, Path)
+    check_kind("path", path, str, os.PathLike)
     arrays = read_arrays(Path(path), rules=_ARRAYS)
     if (count := len(arrays["kinds"])) > MOST_MOVES:
         raise ResultsError(f"{path} is damaged: it has {count} moves, and {MOST_MOVES} is the most")
@@ -221,13 +232,14 @@ def read_saved_run(path: str | Path) -> SavedRun:
             moves=_moves(arrays["kinds"], arrays["values"], arrays["paths"]),
             notes=table["notes"],
             arrays={name: arrays[name] for name in ("cells", "pose", "metres")},
+            raster_hash=str(table.get("raster_hash", "")),
         )
     except (ValueError, TypeError, IndexError, OverflowError) as error:
         raise ResultsError(f"{path} is damaged: {cause(error).removeprefix(f'{path}: ')}") from error
 
 
 def _config(table: dict[str, Any], where: str) -> SimulationConfig:
-    """The configuration that `dataclasses.asdict` made a table of."""
+    """The configuration that `SimulationConfig.as_table` made a table of."""
     nested: dict[str, Any] = {
         "odometry_noise": from_table(OdometryNoise, table.pop("odometry_noise", {}), where)
     }
@@ -258,7 +270,9 @@ def _moves(
 
 
 def load_simulation(
-    path: str | Path, plan: FloorPlan | str | Path | None = None, predictor: Predictor | None = None
+    path: str | os.PathLike[str],
+    plan: FloorPlan | str | os.PathLike[str] | None = None,
+    predictor: Predictor | None = None,
 ) -> Simulation:
     """A simulation at the decision at which it was saved; it goes on bit for bit as it would have then.
 

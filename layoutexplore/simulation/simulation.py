@@ -11,8 +11,8 @@ it has not seen stops it, and touching the wall puts it on the map.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 
@@ -76,7 +76,7 @@ class Simulation:
 
     def __init__(
         self,
-        plan: FloorPlan | str | Path,
+        plan: FloorPlan | str | os.PathLike[str],
         config: SimulationConfig | None = None,
         predictor: Predictor | None = None,
     ) -> None:
@@ -165,8 +165,8 @@ class Simulation:
         if turn:
             robot.turn_to(robot.believed.theta + turn)
         theta = robot.believed.theta
-        moved, collided = self._translate(forward * math.cos(theta), forward * math.sin(theta))
-        return Motion(moved, collided, self._scan().new_cells)
+        motion = self._translate(forward * math.cos(theta), forward * math.sin(theta))
+        return motion._replace(new_cells=motion.new_cells + self._scan().new_cells)
 
     @property
     def done(self) -> bool:
@@ -362,23 +362,23 @@ class Simulation:
         state = self.state
         x, y = state.mapper.grid.cell_to_world(cell.row, cell.col)
         here = state.robot.believed
-        _, collided = self._translate(x - here.x, y - here.y)
+        collided = self._translate(x - here.x, y - here.y).collided
         if collided:
             state.traversability.shut(cell)
             state.robot.back_up()
             self._scan()
         return not collided and not self.done
 
-    def _translate(self, dx: float, dy: float) -> tuple[float, bool]:
-        """Move by (dx, dy) metres; a wall that stops the robot goes onto the map, the budget ends the run."""
-        state = self.state
+    def _translate(self, dx: float, dy: float) -> Motion:
+        """Move by (dx, dy) metres; a wall in the way goes onto the map, the budget ends with a last scan."""
+        state, new = self.state, 0
         moved, collided = state.robot.translate(dx, dy)
         if collided:
             state.note_change(state.mapper.mark_occupied(state.robot.touched(dx, dy)).box)
         if state.distance >= state.max_distance:
-            self._scan()
+            new = self._scan().new_cells
             state.finish(StopReason.BUDGET)
-        return moved, collided
+        return Motion(moved, collided, new)
 
     def _scan(self, full_turn: bool = False) -> ScanUpdate:
         """Scan from here; the grid, the coverage and the curve follow."""

@@ -27,6 +27,7 @@ from layoutexplore.simulation.coverage import TargetCoverage
 from layoutexplore.simulation.localisation import Localiser
 from layoutexplore.simulation.path_following import PathFollower
 from layoutexplore.simulation.path_rules import PathRules, charged_distance
+from layoutexplore.simulation.plan_warnings import warn_of_plan, warn_of_reach
 from layoutexplore.simulation.region import region_mask
 from layoutexplore.simulation.robot import PERFECT_ODOMETRY, Robot, check_start, draw_start
 from layoutexplore.simulation.second_look import SecondLook
@@ -167,7 +168,7 @@ class SimulationState:
 
 def drifts(config: SimulationConfig) -> bool:
     """Whether the robot's belief of its pose drifts from the truth."""
-    return config.odometry_noise != PERFECT_ODOMETRY
+    return config.odometry != PERFECT_ODOMETRY
 
 
 def corrects(config: SimulationConfig) -> bool:
@@ -199,12 +200,17 @@ def raster_of(plan: FloorPlan, config: SimulationConfig) -> PlanRaster:
     """The cells of a floor plan that a run takes place on: where drift bends the map, with room around them.
 
     What the robot believes to be beyond the cells cannot be mapped: its rooms would be lost.
+
+    Warns:
+        MapWarning: The plan's scale is a guess, or much of its floor is out of reach.
     """
-    if not drifts(config):
-        return plan.rasterize(config.resolution)
-    x0, y0, x1, y1 = plan.bounds
-    margin = math.ceil(BENT_SHARE * max(x1 - x0, y1 - y0))
-    return plan.rasterize(config.resolution, margin=min(margin, BENT_MOST))
+    raster = plan.rasterize(config.resolution)
+    if drifts(config):
+        x0, y0, x1, y1 = plan.bounds
+        margin = math.ceil(BENT_SHARE * max(x1 - x0, y1 - y0))
+        raster = plan.rasterize(config.resolution, margin=min(margin, BENT_MOST))
+    warn_of_plan(plan, raster, config.robot_radius, whole=config.region is None)
+    return raster
 
 
 def world_of(plan: FloorPlan, config: SimulationConfig) -> tuple[PlanRaster, Lidar]:
@@ -240,6 +246,8 @@ def begin_run(
     else:
         pose = check_start(raster, radius, start, region)
     cell = raster.world_to_cell(pose.x, pose.y)
+    if start is not None and region is None and not raster.reachable(radius)[cell]:
+        warn_of_reach(plan, raster, radius, cell)
     truth = Truth(plan, raster, cell, config.lidar, radius, region, seed)
     shape, resolution, origin = raster.shape, raster.resolution, raster.origin
     coverage = TargetCoverage(truth.target, raster.room_ids)
@@ -247,7 +255,7 @@ def begin_run(
     max_distance = config.max_distance or 100.0 + coverage.target_count * resolution**2
     return SimulationState(
         truth=truth,
-        robot=Robot(raster, radius, pose, config.odometry_noise, motion_rng),
+        robot=Robot(raster, radius, pose, config.odometry, motion_rng),
         mapper=mapper,
         witness=Mapper(shape, resolution, origin) if drifts(config) else mapper,
         coverage=coverage,
@@ -273,7 +281,7 @@ def begin_run(
         start=start,
         second_look=SecondLook(config.frontier_min_size),
         region=region,
-        localiser=Localiser(mapper.grid, config.odometry_noise) if corrects(config) else None,
+        localiser=Localiser(mapper.grid, config.odometry) if corrects(config) else None,
     )
 
 

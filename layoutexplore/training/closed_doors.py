@@ -10,6 +10,7 @@ are kept in a folder, so that a run that was stopped goes on where it was:
 from __future__ import annotations
 
 import argparse
+import hashlib
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -26,6 +27,7 @@ from layoutexplore.closed_doors.prediction import find_closed_doors, turned_scen
 from layoutexplore.closed_doors.scene import Scene, integral
 from layoutexplore.errors import LayoutExploreError, ResultsError
 from layoutexplore.files import ArrayRule, read_arrays, safe_name, write_arrays
+from layoutexplore.files.reading import is_file
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, in_cells
 from layoutexplore.maps.buildings import building_of
@@ -151,7 +153,7 @@ class Source:
 
     Attributes:
         building: It is held out together with the others of its building.
-        name: Unique.
+        name: Of it, and what its chance follows from; plans whose files have one name share it.
         path: What is seen; the truth or the floor plan of a map whose doors are shut at random.
         truth: The truth of a map of a folder, None for a simulated one.
     """
@@ -214,7 +216,7 @@ _SAMPLES = {
 
 def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples | None:
     """The samples of a map, kept in a folder where one is given; None where no room can be shut."""
-    kept = cache / f"{safe_name(source.name)}.npz" if cache else None
+    kept = cache / f"{safe_name(source.name)}-{_digest_of(source)}.npz" if cache else None
     if kept is not None and kept.exists():
         try:
             names = ClosedDoorSamples.__dataclass_fields__
@@ -229,6 +231,18 @@ def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples |
     if kept is not None:
         write_arrays(kept, {name: getattr(samples, name) for name in ClosedDoorSamples.__dataclass_fields__})
     return samples
+
+
+def _digest_of(source: Source) -> str:
+    """Tells maps apart that have the same name: of the files that one is made from, or of a plan's name."""
+    from layoutexplore.maps.library import source_files
+
+    files = [*source_files(source.path), *([source.truth] if source.truth else [])]
+    digest = hashlib.sha256(b"" if files else str(source.path).encode())
+    digest.update(split_level(str(source.path))[1].encode())
+    for path in filter(is_file, files):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:8]
 
 
 def _maps(source: Source, rng: np.random.Generator) -> tuple[Cells, Cells] | None:

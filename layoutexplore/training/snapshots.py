@@ -105,7 +105,7 @@ def _decision(
 
 
 def _key(plan: FloorPlan, simulation: Simulation, seed: int, agent: str, coverages: Sequence[float]) -> str:
-    text = json.dumps([plan.content_hash, repr(simulation.config), seed, agent, list(coverages)])
+    text = json.dumps([plan.raster_hash, repr(simulation.config), seed, agent, list(coverages)])
     return f"{safe_name(plan.name)}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -36,8 +37,9 @@ FORMATS = (
 
 
 @checks_arguments
-def building_format(path: Path) -> BuildingFormat | None:
+def building_format(path: str | os.PathLike[str]) -> BuildingFormat | None:
     """The format of a file or folder that holds several floors; None for everything else."""
+    path = Path(path)
     return next((known for known in FORMATS if known.recognises(path)), None)
 
 
@@ -65,11 +67,12 @@ def split_level(text: str) -> tuple[Path, str]:
 
 
 @checks_arguments
-def floors_of(path: Path) -> list[str]:
+def floors_of(path: str | os.PathLike[str]) -> list[str]:
     """FILE#LEVEL for every floor of a file of several.
 
     Raises:
         MapError: The file is broken.
     """
+    path = Path(path)
     known = building_format(path)
     return [] if known is None else [f"{path}#{level}" for level in known.levels(path)]

@@ -9,6 +9,7 @@ Coordinates are metres; degrees are recognised and projected, other coordinate s
 from __future__ import annotations
 
 import math
+import os
 import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -21,6 +22,8 @@ from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import ConfigError, MapError, MapWarning, checks_arguments, shortened
 from layoutexplore.files import read_json
+from layoutexplore.files.reading import is_file
+from layoutexplore.grids.ros_map import RESOLUTIONS
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.geographic import LocalFrame, looks_geographic
 from layoutexplore.maps.formats.polygons import Dropped, geometry_of, mended
@@ -56,29 +59,41 @@ class _Part(NamedTuple):
 
 
 @checks_arguments
-def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None, data: Any = None) -> FloorPlan:
+def load_foreign_geojson(
+    path: str | os.PathLike[str],
+    columns: Mapping[str, str] | None = None,
+    data: Any = None,
+    unit: float | None = None,
+) -> FloorPlan:
     """Read rooms and doors of a GeoJSON file that is not of our own format.
 
     Args:
         path: The file.
         columns: What means what: "room" -> the property with a room's label, "kind" -> the one that says
-            what a feature is, "width" -> the one with a door's width in metres.
+            what a feature is, "width" -> the one with a door's width, in what the file measures in.
         data: What the file holds, where that is known already.
+        unit: Metres of what the file measures in; 1 when None. Projected degrees are as many times as large.
 
     Raises:
-        MapError: It holds no polygon, or is not in metres or degrees.
+        MapError: It holds no polygon, is not in metres or degrees, or several floors lie on each other.
         ConfigError: A column that is named is in no feature, or nothing of that name is looked for.
 
     Warns:
         MapWarning: Degrees were projected; features were left out or mended.
     """
+    path = Path(path)
     data = read_json(path) if data is None else data
     dropped = Dropped(path)
     names = _names(columns or {}, path)
     features = data.get("features") if isinstance(data, dict) else None
     if not isinstance(features, list):
         raise MapError(f"{path}: must be a GeoJSON FeatureCollection")
-    parts = _in_metres(list(_parts(features, names, dropped)), path)
+    parts = list(_parts(features, names, dropped))
+    _check_one_floor(parts, path)
+    parts = _in_metres(parts, path, unit)
+    metadata = {"format": "GeoJSON of another program"}
+    if unit is not None:
+        metadata["scale"] = f"{unit:g} m a unit (as given)"
     for name in (columns or {}).values():
         if not any(name in part.properties for part in parts):
             tables = {id(part.properties): part.properties for part in parts}  # parts of a feature share one
@@ -87,14 +102,14 @@ def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None, d
     if floor := [part.geometry for part in parts if part.kind in FLOOR_KINDS]:
         check_outlines(str(path), floor)
         whole = [polygon for part in floor for polygon in mended(part, dropped)]
-        return _from_walls(path, parts, shapely.union_all(whole), dropped)
+        return _from_walls(path, parts, shapely.union_all(whole), dropped, metadata)
     outlines: dict[int, Polygon] = {}
     labels: dict[int, str] = {}
     openings: list[Opening] = []
     check_count(str(path), "areas", sum(_is_room(part) for part in parts))
     for part in parts:
         if part.kind in DOOR_KINDS or (not part.kind and part.geometry.geom_type != "Polygon"):
-            openings += _opening(part, names, dropped)
+            openings += _opening(part, names, dropped, unit or 1.0)
         elif not _is_room(part):
             dropped.add(f"{part.geometry.geom_type} features of kind {shortened(part.kind)} are left out")
         else:
@@ -104,9 +119,7 @@ def load_foreign_geojson(path: Path, columns: Mapping[str, str] | None = None, d
     dropped.warn()
     if not outlines:
         raise MapError(f"{path}: no polygon that could be a room (--column kind=NAME names the property)")
-    return plan_from_outlines(
-        outlines, labels, openings, name=path.stem, metadata={"format": "GeoJSON of another program"}
-    )
+    return plan_from_outlines(outlines, labels, openings, name=path.stem, metadata=metadata)
 
 
 @checks_arguments
@@ -122,7 +135,9 @@ def _is_room(part: _Part) -> bool:
     return part.geometry.geom_type == "Polygon" and part.kind not in (*DOOR_KINDS, *WALL_KINDS)
 
 
-def _from_walls(path: Path, parts: list[_Part], floor: BaseGeometry, dropped: Dropped) -> FloorPlan:
+def _from_walls(
+    path: Path, parts: list[_Part], floor: BaseGeometry, dropped: Dropped, metadata: dict[str, str]
+) -> FloorPlan:
     """A plan of walls and doors with a thickness inside of an outline of the floor."""
     solid, doors, places = list[BaseGeometry](), list[LineString](), list[tuple[str, Polygon]]()
     for part in parts:
@@ -145,7 +160,7 @@ def _from_walls(path: Path, parts: list[_Part], floor: BaseGeometry, dropped: Dr
         [line for line in doors if 0.0 < line.length <= LONGEST_DOOR],
         name=path.stem,
         places=places,
-        metadata={"format": "GeoJSON of another program"},
+        metadata=metadata,
     )
 
 
@@ -184,19 +199,36 @@ def _parts(features: list[Any], names: dict[str, tuple[str, ...]], dropped: Drop
             yield _Part(kind, properties, single)
 
 
-def _in_metres(parts: list[_Part], path: Path) -> list[_Part]:
-    """The parts in metres, degrees projected.
+def _check_one_floor(parts: list[_Part], path: Path) -> None:
+    """Raise `MapError` where features say that they are on several floors: all would lie on each other."""
+    floors = {str(part.properties["level_id"]) for part in parts if part.properties.get("level_id")}
+    if len(floors) > 1:
+        whole = is_file(path.with_name("level.geojson"))
+        advice = f"give the folder {path.parent}" if whole else "give the folder of all files of the building"
+        raise MapError(
+            f"{path}: its features are on {len(floors)} floors (level_id), which would lie on each other: "
+            f"{advice} (IMDF), or save each floor in a file of its own"
+        )
+
+
+def _in_metres(parts: list[_Part], path: Path, unit: float | None) -> list[_Part]:
+    """The parts in metres, degrees projected; `unit` times as large where a unit is given.
 
     Raises:
-        MapError: They are neither.
+        MapError: They are neither in metres nor in degrees, or it is no unit of a drawing.
     """
     everything = shapely.GeometryCollection([part.geometry for part in parts])
-    if looks_geographic(everything):
+    degrees = looks_geographic(everything)
+    if degrees:
         warnings.warn(f"{path}: longitude and latitude are projected to metres", MapWarning, stacklevel=3)
         frame = LocalFrame.around(shapely.get_coordinates(everything))
-        return [part._replace(geometry=frame.project(part.geometry)) for part in parts]
-    x0, y0, x1, y1 = everything.bounds if parts else (0.0, 0.0, 0.0, 0.0)
-    if max(x1 - x0, y1 - y0) > LARGEST_EXTENT:
+        parts = [part._replace(geometry=frame.project(part.geometry)) for part in parts]
+    if unit is not None:
+        if not RESOLUTIONS[0] <= unit <= RESOLUTIONS[1]:
+            raise MapError(f"{path}: {unit:g} m is no unit of a drawing: see --scale-by or --resolution")
+        parts = [part._replace(geometry=_times(part.geometry, unit)) for part in parts]
+    x0, y0, x1, y1 = (unit or 1.0) * np.array(everything.bounds if parts else (0.0, 0.0, 0.0, 0.0))
+    if not degrees and max(x1 - x0, y1 - y0) > LARGEST_EXTENT:
         raise MapError(
             f"{path}: {x1 - x0:.0f} x {y1 - y0:.0f} is no size of a building in metres: export it in metres "
             "(a UTM zone) or as longitude and latitude (WGS84)"
@@ -204,15 +236,21 @@ def _in_metres(parts: list[_Part], path: Path) -> list[_Part]:
     return parts
 
 
-def _opening(part: _Part, names: dict[str, tuple[str, ...]], dropped: Dropped) -> list[Opening]:
-    """The door that a part is, if it can be one."""
+def _times(geometry: BaseGeometry, factor: float) -> BaseGeometry:
+    """A geometry, every coordinate times a factor."""
+    return shapely.transform(geometry, lambda points: points * factor)
+
+
+def _opening(part: _Part, names: dict[str, tuple[str, ...]], dropped: Dropped, unit: float) -> list[Opening]:
+    """The door that a part is, if it can be one; its width stands in the file's unit."""
     shape = part.geometry
     length = {"LineString": shape.length, "Point": DOOR_WIDTH}.get(shape.geom_type)
     if length is None:
         corners = shapely.get_coordinates(shape.minimum_rotated_rectangle)
         length = float(np.hypot(*np.diff(corners, axis=0).T).max(initial=0.0))
     try:
-        width = float(_first(part.properties, names["width"]) or length)
+        given = _first(part.properties, names["width"])
+        width = float(given) * unit if given else length
     except (TypeError, ValueError):
         width = math.nan
     if not 0.0 < width <= LONGEST_DOOR:

@@ -8,6 +8,7 @@ own (`layoutexplore.maps.formats.ifc_geometry`): the extra `bim` brings it.
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -67,19 +68,21 @@ _FLOORS = Record({"floors": Items(_FLOOR), "without_shape": Number(low=0)})
 
 
 @checks_arguments
-def is_ifc(path: Path) -> bool:
+def is_ifc(path: str | os.PathLike[str]) -> bool:
     """Whether a file is an IFC model, by its name."""
+    path = Path(path)
     return path.suffix.lower() == ".ifc"
 
 
 @checks_arguments
-def ifc_levels(path: Path) -> list[str]:
+def ifc_levels(path: str | os.PathLike[str]) -> list[str]:
     """The storeys that have spaces, from below: "BUILDING/STOREY" where there are several buildings."""
+    path = Path(path)
     return list(_levels(path)[0])
 
 
 @checks_arguments
-def load_ifc(path: Path, level: str = "") -> FloorPlan:
+def load_ifc(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     """Read one storey.
 
     Args:
@@ -93,6 +96,7 @@ def load_ifc(path: Path, level: str = "") -> FloorPlan:
     Warns:
         MapWarning: Spaces or doors were left out or mended.
     """
+    path = Path(path)
     levels, without_shape = _levels(path)
     name = choose_level(path, level, list(levels))
     where, floor = f"{path}#{name}", levels[name]

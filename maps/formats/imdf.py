@@ -6,6 +6,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -34,19 +35,21 @@ _FLOORS = Record({"features": Items(Record({"properties": _FLOOR}))})
 
 
 @checks_arguments
-def is_imdf(path: Path) -> bool:
+def is_imdf(path: str | os.PathLike[str]) -> bool:
     """Whether a folder is one of IMDF."""
+    path = Path(path)
     return all(is_file(path / f"{part}.geojson") for part in ("level", "unit"))
 
 
 @checks_arguments
-def imdf_levels(path: Path) -> list[str]:
+def imdf_levels(path: str | os.PathLike[str]) -> list[str]:
     """The names of the floors, by building and height: "BUILDING/FLOOR" where there are several buildings."""
+    path = Path(path)
     return list(_levels(path))
 
 
 @checks_arguments
-def load_imdf(path: Path, level: str = "") -> FloorPlan:
+def load_imdf(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     """Read one floor.
 
     Args:
@@ -59,6 +62,7 @@ def load_imdf(path: Path, level: str = "") -> FloorPlan:
     Warns:
         MapWarning: Units or openings were left out or mended.
     """
+    path = Path(path)
     levels = _levels(path)
     name = choose_level(path, level, list(levels))
     dropped = Dropped(f"{path}#{name}")

@@ -42,7 +42,7 @@ def choose_level(path: Path, level: str, levels: Sequence[str]) -> str:
     problem = f"there is no floor {shortened(level)}" if level else "this building has several floors"
     if meant:
         problem = f"several floors are called {shortened(level)}"
-    names = [f"{path.name}#{name[:100]}" for name in levels[:20]] + ["..."] * (len(levels) > 20)
+    names = [f"{path}#{name[:100]}" for name in levels[:20]] + ["..."] * (len(levels) > 20)
     raise MapError(f"{path}: {problem}: name one of {', '.join(names)}")
 
 

@@ -8,6 +8,7 @@ room, a door a way of two nodes with `osmAG:type` = passage that names its two a
 from __future__ import annotations
 
 import math
+import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -71,13 +72,14 @@ class _Building:
 
 
 @checks_arguments
-def osm_levels(path: Path) -> list[str]:
+def osm_levels(path: str | os.PathLike[str]) -> list[str]:
     """The floors that have rooms, from below."""
+    path = Path(path)
     return _levels(_read(path), path)
 
 
 @checks_arguments
-def load_osm(path: Path, level: str = "") -> FloorPlan:
+def load_osm(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     """Read one floor.
 
     Args:
@@ -90,6 +92,7 @@ def load_osm(path: Path, level: str = "") -> FloorPlan:
     Warns:
         MapWarning: Rooms or doors were left out or mended.
     """
+    path = Path(path)
     building = _read(path)
     name = choose_level(path, level, _levels(building, path))
     dropped = Dropped(f"{path}#{name}")

@@ -8,6 +8,7 @@ Walls are drawn 0.2 m thick.
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import Any
 
@@ -32,19 +33,21 @@ METRIC = ("cartesian_meters", "wgs84")
 
 
 @checks_arguments
-def is_rmf(path: Path) -> bool:
+def is_rmf(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a building of the traffic editor, by its name."""
+    path = Path(path)
     return path.name.lower().endswith(ENDING)
 
 
 @checks_arguments
-def rmf_levels(path: Path) -> list[str]:
+def rmf_levels(path: str | os.PathLike[str]) -> list[str]:
     """The levels that have walls."""
+    path = Path(path)
     return list(_levels(path))
 
 
 @checks_arguments
-def load_rmf(path: Path, level: str = "") -> FloorPlan:
+def load_rmf(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     """Read one level.
 
     Args:
@@ -57,6 +60,7 @@ def load_rmf(path: Path, level: str = "") -> FloorPlan:
     Warns:
         MapWarning: Walls or doors were left out.
     """
+    path = Path(path)
     levels = _levels(path)
     name = choose_level(path, level, list(levels))
     where, entries = f"{path}#{name}", levels[name]

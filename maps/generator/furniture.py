@@ -106,7 +106,7 @@ def _furnish_room(
         return []
     clear = shapely.union_all([_swing(door) for door in doors])
     ways = inside.buffer(-CLEARANCE)
-    anchors = [clear.intersection(inside).buffer(-0.1)]
+    at_doors = clear.intersection(inside).buffer(-0.1)
     if ways.geom_type != "Polygon":
         return []
     standing: list[BaseGeometry] = []
@@ -116,7 +116,7 @@ def _furnish_room(
     while covered < wanted and misses < 12 + len(standing):
         shape = _draw_piece(kinds[int(rng.integers(0, len(kinds)))], room.polygon, edges, rng)
         left = _without(ways, shape, standing, inside, clear) if shape is not None else None
-        if shape is None or left is None or not all(left.distance(anchor) < 0.35 for anchor in anchors):
+        if shape is None or left is None or not left.distance(at_doors) < 0.35:  # of no floor it is NaN
             misses += 1
             continue
         ways = left

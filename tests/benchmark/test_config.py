@@ -31,6 +31,8 @@ def test_configuration_from_toml(tmp_path: Path) -> None:
         """
     )
     config = BenchmarkConfig(**read_benchmark_config(path))
+    assert config == BenchmarkConfig(**read_benchmark_config(str(path)))
+    assert config.simulation == simulation_of_file(str(path), "stage")
     assert config.plans == ("test", "office:3") and config.starts == 4
     assert config.simulation.odometry_noise.translation == 0.02
     lidar = config.simulation_with("noisy").lidar

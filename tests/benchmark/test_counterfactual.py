@@ -93,6 +93,15 @@ def test_the_oracle_is_never_wrong_nor_misled(plan: FloorPlan) -> None:
     assert told.column("changed").any() and all(moment.right for moment in told.decisive)
 
 
+def test_without_the_layout_nothing_is_foreseen_and_the_truth_foresees_as_far(plan: FloorPlan) -> None:
+    agent = "plan-tour:predictor=oracle:horizon=1"
+    simulation, _ = prepare(plan, SimulationConfig(sensor="stage"), agent)
+    decision = simulation.reset(seed=0)
+    assert decision.foresight is not None and without_layout(decision).foresight is None
+    told = run(plan, agent, explain=True).notes
+    assert told is not None and told.column("changed").any() and not told.column("misled").any()
+
+
 def test_flipped_classes_are_counted(plan: FloorPlan) -> None:
     told = run(plan, AGENT, explain=True).notes
     assert told is not None

@@ -50,7 +50,7 @@ def reasons(folder: Path, suite: Suite, whole: Path, *, repeat: int = 0) -> dict
 
 def test_the_ranking(suite: Suite, whole: Path) -> None:
     said: list[str] = []
-    board = make_leaderboard([whole], suite, repeat=2, say=said.append)
+    board = make_leaderboard([str(whole)], suite, repeat=2, say=said.append)
     assert not board.left_out and len(said) == 2 * 4
     assert (board.cells, board.buildings) == (8, 2)
     ranks = {standing.entrant.agent: standing.rank for standing in board.standings}
@@ -69,6 +69,18 @@ def test_other_cells_are_left_out(suite: Suite, whole: Path, tmp_path: Path) -> 
     said = reasons(tmp_path / "other", suite, whole)
     assert said[""] == "other cells than the suite's: different seed"
     assert "no run.toml" in reasons(tmp_path / "nowhere", suite, whole)[""]
+
+
+def test_doors_that_lead_elsewhere_make_other_cells(copy: Path, suite: Suite, whole: Path) -> None:
+    manifest = ResultsFolder(copy).manifest()
+    plan = manifest["plans"]["house"]
+    for kept, said in ((True, "different rooms of doors"), (False, "")):
+        plan["raster_hash"] = "0" * 64
+        if not kept:  # as earlier versions wrote it
+            del plan["raster_hash"]
+        (copy / "run.toml").write_text(to_toml(manifest))
+        assert said in reasons(copy, suite, whole).get("", "")
+    assert "" not in reasons(copy, suite, whole)
 
 
 def test_another_version_is_left_out(copy: Path, suite: Suite, whole: Path) -> None:

@@ -29,6 +29,23 @@ for _ in run_all(time.sleep, [0.0, 600.0, 600.0, 600.0], jobs=2, lost=str, initi
         process.communicate(timeout=120)  # it ends when nobody holds the other end of the pipe any more
 
 
+UNGUARDED = """
+from layoutexplore.benchmark.pool import run_all
+print(sorted(run_all(eval, ["1 + 1", "2 + 2"], jobs=2, lost=lambda task: -1, initializer=int)))
+"""
+
+
+@pytest.mark.parametrize("from_stdin", [True, False], ids=["stdin", "file"])
+def test_a_program_needs_neither_a_file_nor_a_guard(from_stdin: bool, tmp_path: Path) -> None:
+    """Workers do not import it: it could not be found, or would begin anew in each of them."""
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED, encoding="utf-8")
+    words = [sys.executable, "-" if from_stdin else str(script)]
+    given = UNGUARDED if from_stdin else ""
+    told = subprocess.run(words, input=given, capture_output=True, text=True, check=True, timeout=120)
+    assert told.stdout == "[2, 4]\n" and not told.stderr
+
+
 def test_a_dying_worker_costs_its_task_alone() -> None:
     tasks = ["1 + 1", "__import__('os')._exit(1)", "2 + 2", "3 + 3"]
     results = list(run_all(eval, tasks, jobs=2, lost=lambda task: f"lost {task[:6]}", initializer=int))

@@ -58,6 +58,8 @@ def test_a_recording_gives_the_map_after_every_scan(config: SimulationConfig, ag
 
     simulation.on_scan = scan
     episode = play(simulation, chosen, on_step=step)
+    assert repr(recorder.end()).startswith(f"Recording(first=int32 {simulation.raster.shape}, occupied=bool")
+    assert len(repr(recorder.end())) < 500
     arrays = recording_to_arrays(recorder.end())
     noted = recording_from_arrays(arrays)
     assert len(grids) == len(episode.curve) > 5

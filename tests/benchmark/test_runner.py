@@ -43,6 +43,17 @@ def test_a_run_of_everything(config: BenchmarkConfig, tmp_path: Path) -> None:
         assert np.hypot(*np.diff(track[:, :2], axis=0).T).sum() == pytest.approx(row.distance, rel=1e-3)
 
 
+def test_a_path_may_be_a_text(plans: Path, tmp_path: Path) -> None:
+    config = BenchmarkConfig(plans=(plans / "cottage.geojson",), starts=1, agents=("nearest",))
+    assert config.plans == (str(plans / "cottage.geojson"),)
+    out = str(tmp_path / "out")
+    done = run_benchmark(config, out)
+    assert done.folder.path == Path(out) and ResultsFolder(out).rows() == done.rows and not done.failed
+    assert run_benchmark(config, tmp_path / "out").ran == 0
+    with pytest.raises(ConfigError, match="out must be str"):
+        run_benchmark(config, 5)  # type: ignore[arg-type]
+
+
 def test_every_agent_and_sensor_starts_at_the_same_place(config: BenchmarkConfig, tmp_path: Path) -> None:
     rows = run_benchmark(config, tmp_path / "out").rows
     starts: dict[tuple[str, int], set[tuple[float, float, float]]] = {}

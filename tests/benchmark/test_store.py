@@ -21,7 +21,10 @@ from layoutexplore.benchmark.runner import BenchmarkWatcher, run_benchmark
 from layoutexplore.benchmark.store import COLUMNS, ResultsFolder, format_row, locked, parse_row
 from layoutexplore.errors import ResultsError
 from layoutexplore.files import write_arrays
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.benchmark.cases import timeless
+from tests.plans import HOUSE
 
 
 def test_a_foreign_folder_is_left_alone(config: BenchmarkConfig, tmp_path: Path) -> None:
@@ -111,6 +114,23 @@ def test_a_manifest_of_tens_of_thousands_of_plans_is_read(config: BenchmarkConfi
     path.write_text(path.read_text() + more)
     assert path.stat().st_size > 2e6
     assert folder.manifest()["plans"].items() > before["plans"].items()
+
+
+def test_a_plan_whose_doors_lead_elsewhere_is_another_one(config: BenchmarkConfig, tmp_path: Path) -> None:
+    """Its geometry is the same; results that do not note its other hash are added to as they are."""
+    plan = tmp_path / "house.geojson"
+    house = floorplan_from_ascii(HOUSE, name="house")
+    save_plan(house, plan)
+    config = dataclasses.replace(config, plans=(str(plan),), starts=1, agents=("nearest",))
+    path = run_benchmark(config, tmp_path / "out").folder.path / "run.toml"
+    lines = path.read_text().splitlines()
+    path.write_text("\n".join(text for text in lines if not text.startswith("raster_hash")))
+    assert run_benchmark(config, tmp_path / "out").ran == 0
+    assert any(text.startswith("raster_hash") for text in path.read_text().splitlines())
+    doors = tuple(dataclasses.replace(door, rooms=(0, 0)) for door in house.doors)
+    save_plan(dataclasses.replace(house, doors=doors), plan)
+    with pytest.raises(ResultsError, match=r"plans\.house\.raster_hash: .* there, .* now"):
+        run_benchmark(config, tmp_path / "out")
 
 
 @pytest.mark.parametrize("line", ["starts", "baseline", "content_hash", "turn_cost"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
@@ -14,7 +15,9 @@ from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.maps.shipped import SHIPPED
 from layoutexplore.options import from_table
-from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.sensing.lidar import sensor
+from layoutexplore.simulation.config import NOISE, SimulationConfig
+from layoutexplore.simulation.robot import OdometryNoise
 from tests.envs.cases import FRONTIER, rooms
 
 BARE = ObservationConfig(local_map=False, global_map=False)
@@ -86,6 +89,23 @@ def test_sensors_change_from_episode_to_episode() -> None:
     assert {config.lidar.dropout for config in configs} == {0.0, 0.1}
     assert {config.odometry_noise.translation for config in configs} == {0.0, 0.01}
     assert {config.robot_radius for config in configs} == {0.15, 0.2}
+
+
+def test_what_is_drawn_stands_instead_of_the_environments_own_noise() -> None:
+    level, rng = SimulationConfig(sensor="indoor", noise="middle"), np.random.default_rng(0)
+    middle = NOISE["middle"]
+    drifting = Randomisation(drift=(0.07,)).draw(rng, level)
+    assert drifting.odometry == OdometryNoise(translation=0.07, rotation=0.1 * 0.07)
+    assert drifting.lidar == level.lidar and level.lidar.range_noise_std == middle.range_std
+    exact = Randomisation(range_noise=(0.0,), dropout=(0.0,), drift=(0.0,)).draw(rng, level)
+    assert exact == SimulationConfig(sensor=sensor("indoor"))
+    failing = Randomisation(sensors=("short",), dropout=(0.2,)).draw(rng, level)
+    assert (failing.lidar.name, failing.lidar.dropout) == ("short", 0.2)
+    assert failing.lidar.range_noise_std == middle.range_std and failing.odometry == middle.odometry
+    own = SimulationConfig(sensor=replace(sensor("indoor"), range_noise_std=0.05))
+    assert Randomisation(range_noise=(0.0,)).draw(rng, own).lidar == sensor("indoor")
+    assert Randomisation(dropout=(0.02,)).draw(rng, own).lidar.range_noise_std == 0.05
+    assert Randomisation().draw(rng, level).odometry == middle.odometry
 
 
 def test_nothing_to_change_changes_nothing() -> None:

@@ -25,6 +25,7 @@ from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation.robot import OdometryNoise
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 from tests.envs.cases import FRONTIER, rooms
+from tests.plans import offices
 
 SMALL = {"local_size": 16, "global_size": 16}
 
@@ -113,6 +114,21 @@ def test_privileged_entries_mean_what_they_say() -> None:
         over = terminated or truncated
     assert observation["privileged"][list(PRIVILEGED_FEATURES).index("rooms_left")] == 0.0
     assert "privileged" not in make().reset(seed=0)[0]
+
+
+def test_an_episode_in_a_region_tells_nothing_of_another_in_the_whole_building() -> None:
+    plan = offices()
+    x0, y0, x1, y1 = plan.bounds
+    middle = (x0 + x1) / 2
+    half = SimulationConfig(region=((x0, y0), (middle, y0), (middle, y1), (x0, y1)))
+    sizes = []
+    for simulation in (half, SimulationConfig(), half):
+        env = make(plan=plan, simulation=simulation, observation=ObservationConfig(privileged=True, **SMALL))
+        env.reset(seed=2)
+        distances, ids = env._privileged._distances, env.simulation.raster.room_ids
+        assert distances.rooms.tolist() == [k for k in np.unique(ids[env.simulation.truth.target]) if k]
+        sizes.append(len(distances.rooms))
+    assert sizes[0] < sizes[1]
 
 
 def test_the_tour_of_the_critic_visits_what_is_left() -> None:

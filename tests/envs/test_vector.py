@@ -16,7 +16,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
-from gymnasium.error import ResetNeeded
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
@@ -277,6 +277,8 @@ def test_the_death_of_a_worker_is_told() -> None:
         for _ in range(2):
             env.step(np.zeros(3, np.int64))
     assert children() == before
+    with pytest.raises(ClosedEnvironmentError, match="make a new one"):
+        env.step(np.zeros(3, np.int64))
     env.close()
 
 
@@ -318,6 +320,29 @@ def test_a_script_needs_no_main_guard(tmp_path: Path) -> None:
         [sys.executable, str(script)], env=environment, capture_output=True, text=True, check=True
     )
     assert told.stdout.strip() == "[7.0, 7.0]" and "Error" not in told.stderr
+
+
+@pytest.mark.parametrize("backend", [SERIAL, THREADS, PROCESSES], ids=lambda options: options["backend"])
+def test_nothing_goes_on_in_closed_environments(backend: dict[str, Any]) -> None:
+    env = vector(FRONTIER, 2, **backend).unwrapped
+    env.reset(seed=0)
+    env.close()
+    env.close()  # Gymnasium's environments may be closed twice
+    calls = {
+        "reset": (),
+        "step": (np.zeros(2, int),),
+        "step_wait": (),
+        "send": (np.zeros(1, int), 0),
+        "receive": (),
+        "action_masks": (),
+        "call": ("spec",),
+        "get_attr": ("spec",),
+        "set_attr": ("mark", 1),
+        "render": (),
+    }
+    for name, arguments in calls.items():
+        with pytest.raises(ClosedEnvironmentError, match="FrontierVectorEnv of 2 environments is closed"):
+            getattr(env, name)(*arguments)
 
 
 def test_single_environments_can_still_be_vectorised_by_gymnasium() -> None:

@@ -16,8 +16,10 @@ from layoutexplore.evaluation.registration import (
     rows_until,
     score_registrations,
 )
+from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import load_plan
 from layoutexplore.priors.confidence import FEATURES
+from layoutexplore.priors.presets import StudyPrior, study_prior
 
 
 def row(
@@ -55,6 +57,22 @@ def test_rows_with_other_features_are_made_anew(tmp_path: Path) -> None:
     path.write_text(json.dumps([{**row, "features": row["features"][:-1]} for row in table]))
     again = registration_rows(plan, ["true"], store=tmp_path)
     assert [row.features for row in again] == [row.features for row in first]
+
+
+def test_rows_of_other_floors_are_kept_by_where_these_come_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def prior_of(kind: str, plan: FloorPlan, seed: int, *, among: str) -> StudyPrior:
+        asked.append(among)
+        return study_prior("empty", plan, seed)
+
+    monkeypatch.setattr("layoutexplore.evaluation.registration.study_prior", prior_of)
+    plan = load_plan("apartment-01")
+    for among in ("one", "two", "one", "", "two"):
+        assert registration_rows(plan, ["other-floor"], among=among, store=tmp_path)
+    assert asked == ["one", "two", ""]
 
 
 def test_moments_are_what_had_been_seen() -> None:

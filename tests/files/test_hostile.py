@@ -154,12 +154,37 @@ def test_a_damaged_snapshot_is_named_and_made_anew(tmp_path: Path) -> None:
 def test_links_at_temporary_names_are_not_followed(tmp_path: Path) -> None:
     victim = tmp_path / "victim"
     victim.write_text("precious")
-    for name in (f".a.txt.{os.getpid()}.tmp", ".a.txt.part", "a.txt"):
+    for name in (f".a.txt.{os.getpid()}.tmp", ".a.txt.part"):
         (tmp_path / name).symlink_to(victim)
     with atomic(tmp_path / "a.txt") as temporary:
         assert not temporary.is_symlink()
         temporary.write_text("new")
     assert victim.read_text() == "precious" and (tmp_path / "a.txt").read_text() == "new"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs links and permissions")
+def test_links_and_permissions_stay(tmp_path: Path) -> None:
+    file, link, nowhere = tmp_path / "there" / "a.txt", tmp_path / "link", tmp_path / "nowhere"
+    write_atomically(file, "old")
+    link.symlink_to(file)
+    nowhere.symlink_to(tmp_path / "new" / "b.txt")
+    file.chmod(0o640)
+    for path in (link, nowhere):
+        write_atomically(path, "new")
+        assert path.is_symlink() and path.resolve().read_text() == "new"
+    assert stat.S_IMODE(file.stat().st_mode) == 0o640
+    assert [p.name for p in file.parent.iterdir()] == ["a.txt"]
+    file.chmod(0o400)
+    write_atomically(file, "newer")
+    assert file.read_text() == "newer" and stat.S_IMODE(file.stat().st_mode) == 0o400
+    code = (
+        "from layoutexplore.files import write_atomically; import os, pathlib, sys\n"
+        "os.umask(int(sys.argv[1], 8)); write_atomically(pathlib.Path(sys.argv[2]), 'x')"
+    )
+    for umask, mode in (("077", 0o600), ("002", 0o664)):
+        out = tmp_path / umask
+        subprocess.run([sys.executable, "-c", code, umask, str(out)], check=True)
+        assert stat.S_IMODE(out.stat().st_mode) == mode
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs pipes and Linux's devices")

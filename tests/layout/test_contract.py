@@ -110,6 +110,10 @@ def test_hard_inputs_have_an_answer_twice_the_same(method: str, name: str) -> No
     grid = OccupancyGrid(cells.copy(), 0.05, Pose(1.0, 2.0, 0.3))
     layout, again = reconstruct(grid, method), reconstruct(grid, method)
     check(layout, grid)
+    assert repr(layout).startswith(
+        f"Layout(method={method!r}, clean_grid=OccupancyGrid(cells=int8 {grid.shape}"
+    )
+    assert len(repr(layout)) < 1000 and "\n" not in repr(layout)
     assert np.array_equal(layout.labels, again.labels) and np.array_equal(layout.segments, again.segments)
     assert [room.polygon for room in layout.rooms] == [room.polygon for room in again.rooms]
     assert json.dumps(layout_to_geojson(layout)) == json.dumps(layout_to_geojson(again))

@@ -178,6 +178,17 @@ def test_cache_keeps_the_layout_while_the_walls_stay():
     assert cache(OccupancyGrid(grid.cells, 0.2)).clean_grid.resolution == 0.2
 
 
+@pytest.mark.parametrize("method", ["default", "rose2"])
+def test_rooms_of_the_cache_are_those_of_the_map_that_it_was_shown(method):
+    """They are made when they are looked at, when the map may have grown."""
+    grid = building(0.1)
+    grid.cells[12:30, 60:90][grid.cells[12:30, 60:90] == 0] = -1
+    wanted = [(room.seen_share, room.is_partial) for room in reconstruct(grid, method).rooms]
+    layout = LayoutCache(method)(grid)
+    grid.cells[grid.cells == -1] = 0
+    assert [(room.seen_share, room.is_partial) for room in layout.rooms] == wanted
+
+
 def test_cache_keeps_the_layout_while_the_walls_have_hardly_grown():
     grid = building(0.1)
     cache = LayoutCache("rose2", growth=0.01)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from layoutexplore.errors import MapError
 from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.maps import expand_plans, library, load_plan
 from layoutexplore.maps.geojson import save_plan
+from layoutexplore.simulation.simulation import Simulation
 from tests.maps.cases import SCHOOL, share_reached, two_rooms, write_houseexpo, write_kth
 
 
@@ -64,6 +66,28 @@ samples = pytest.mark.parametrize(
 
 def test_every_loader_has_a_sample() -> None:
     assert set(SAMPLES) == {name for name in vars(library) if name.startswith("load_")} - {"load_plan"}
+
+
+class Pointer(os.PathLike[str]):
+    """A path that is neither a text nor a `Path`, as `os.scandir` hands out."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __fspath__(self) -> str:
+        return str(self._path)
+
+
+@samples
+def test_a_path_may_be_a_text(write: Callable[[Path], Path], tmp_path: Path) -> None:
+    path = write(tmp_path)
+    load = next(getattr(library, name) for name, writers in SAMPLES.items() if write in writers)
+    for read in (load, load_plan, library.cached_plan):
+        assert len({read(given).content_hash for given in (path, str(path), Pointer(path))}) == 1
+    assert library.find_plans([Pointer(path)]) == expand_plans(Pointer(path)) == [str(path)]
+    assert Simulation(Pointer(path)).plan.name == load_plan(path).name
+    save_plan(load_plan(path), Pointer(tmp_path / "again.geojson"))
+    assert (tmp_path / "again.geojson").is_file()
 
 
 @samples

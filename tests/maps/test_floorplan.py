@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import pickle
 
@@ -12,6 +13,7 @@ import shapely
 from shapely import LineString, Polygon
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import Door, FloorPlan, PlanRaster, Room
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.maps.cases import two_rooms
@@ -138,6 +140,32 @@ def test_content_hash_sees_geometry_and_only_geometry() -> None:
     changed = [two_rooms(gap=1.0), two_rooms(furniture=shapely.box(1, 1, 2, 2)), plan.with_doors_closed([0])]
     drawn = [floorplan_from_ascii(TWO_ROOMS, resolution) for resolution in (0.5, 1.0)]
     assert len({p.content_hash for p in [plan, *changed, *drawn]}) == 6
+
+
+def test_raster_hash_sees_ids_and_the_rooms_of_doors() -> None:
+    """How deep an opening cuts depends on them: where a wall is thick, whether it leads through."""
+    a, b = shapely.box(0, 0, 3, 3), shapely.box(3.4, 0, 6.4, 3)
+    walls = shapely.box(3, 0, 3.4, 3).difference(shapely.box(3, 1, 3.4, 2))
+
+    def plan(ids: tuple[int, int], rooms: tuple[int, int]) -> FloorPlan:
+        door = Door(start=(3.2, 1), end=(3.2, 2), rooms=rooms)
+        both = Room(id=ids[0], polygon=a), Room(id=ids[1], polygon=b)
+        return FloorPlan(name="p", rooms=both, doors=(door,), walls=walls)
+
+    plans = [plan((1, 2), (1, 2)), plan((1, 2), (0, 0)), plan((3, 7), (3, 7))]
+    assert (
+        len({p.content_hash for p in plans}) == 1 and len({p.rasterize(0.1).free.sum() for p in plans}) == 2
+    )
+    assert len({p.raster_hash for p in [*plans, plan((1, 2), (2, 1))]}) == 3
+    drawn = plans[0].rasterize(0.1)
+    sources = [
+        drawn,
+        *(
+            dataclasses.replace(drawn, **c)
+            for c in ({"room_ids": 2 * drawn.room_ids}, {"origin": Pose(1, 0, 0)})
+        ),
+    ]
+    assert len({dataclasses.replace(plans[0], source=source).raster_hash for source in sources}) == 3
 
 
 def test_bounds_and_area() -> None:

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 
 from layoutexplore.errors import MapError, MapWarning, UnknownNameError
@@ -17,6 +19,7 @@ from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.library import cached_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.maps.cases import share_reached, write_houseexpo, write_kth
+from tests.maps.formats.cases import write_imdf
 from tests.plans import FLAT, TWO_ROOMS
 
 
@@ -85,7 +88,7 @@ def test_unknown_names_and_files(tmp_path: Path, load: Callable[[Any], object]) 
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "y" * 5000, "home.osm#" + "1" * 300, "a\0b.xml", "a\0b#1"])
-@pytest.mark.parametrize("load", [load_plan, expand_plans])
+@pytest.mark.parametrize("load", [load_plan, expand_plans, cached_plan])
 def test_a_name_that_no_file_can_have(name: str, load: Callable[[Any], object]) -> None:
     with pytest.raises((MapError, UnknownNameError)):
         load(name)
@@ -97,6 +100,12 @@ def test_a_text_file_is_no_plan(tmp_path: Path) -> None:
         load_plan(tmp_path / "plan.txt")
 
 
+def test_json_that_is_no_plan_is_told(tmp_path: Path) -> None:
+    (tmp_path / "main.json").write_text('{"id": "house", "levels": []}')
+    with pytest.raises(MapError, match=r"main\.json: is no floor plan: JSON is read as"):
+        load_plan(tmp_path / "main.json")
+
+
 def test_plans_are_kept_until_their_file_changes(tmp_path: Path) -> None:
     path = tmp_path / "plan.geojson"
     save_plan(floorplan_from_ascii(TWO_ROOMS, name="plan"), path)
@@ -106,6 +115,29 @@ def test_plans_are_kept_until_their_file_changes(tmp_path: Path) -> None:
     save_plan(floorplan_from_ascii(FLAT, name="plan"), path)
     os.utime(path, ns=(changed, changed))
     assert len(cached_plan(path).rooms) == 5 and cached_plan(path) is not first
+
+
+def test_kept_plans_follow_the_files_beside_theirs(tmp_path: Path) -> None:
+    """Of KTH, of HouseExpo and of an IMDF folder; an image of rooms may be written later."""
+    kth, house, imdf = write_kth(tmp_path), write_houseexpo(tmp_path), write_imdf(tmp_path / "imdf")
+    beside = {
+        str(kth): kth.with_name("50_PLAN1_rooms.png"),
+        str(house): house.with_name("house.label_data.json"),
+        f"{imdf}#0": imdf / "unit.geojson",
+    }
+    for source, other in beside.items():
+        first = cached_plan(source)
+        assert cached_plan(source) is first
+        os.utime(other, ns=(1, 1))
+        assert cached_plan(source) is not first, other
+    image = cv2.imread(str(kth), cv2.IMREAD_GRAYSCALE)
+    cv2.imwrite(str(tmp_path / "map.png"), image)
+    for rooms in (1, 2):
+        ids = np.zeros_like(image)
+        ids[22:98, 22:98], ids[22:98, 104:178] = 1, rooms
+        cv2.imwrite(str(tmp_path / "map_rooms.png"), ids)
+        os.utime(tmp_path / "map_rooms.png", ns=(rooms, rooms))
+        assert len(cached_plan(tmp_path / "map.png").rooms) == rooms
 
 
 def test_a_large_file_is_parsed_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ def test_what_is_known_is_what_was_written_and_not_forgotten(seed: int) -> None:
         assert known.cells[rows].tolist() == asked.tolist() and len(known.cells) <= 25 + 9
         assert len(np.unique(known.cells, axis=0)) == len(known.cells)
         places = [tuple(cell) for cell in known.cells.tolist()]
-        assert set(places) >= before or len(before) + len(asked) > 25
+        assert set(places) >= before or len(before | set(map(tuple, asked.tolist()))) > 25
         written = {pair: length for pair, length in written.items() if set(pair) <= set(places)}
         expected = [[written.get((a, b), 0 if a == b else UNKNOWN) for b in places] for a in places]
         assert known.units.tolist() == expected
@@ -42,3 +42,17 @@ def test_what_is_known_is_what_was_written_and_not_forgotten(seed: int) -> None:
             written = {pair: length for pair, length in written.items() if set(pair) <= left}
     known.clear()
     assert known.cells.shape == (0, 2) and known.units.shape == (0, 0)
+
+
+def test_places_that_are_known_already_take_no_room() -> None:
+    known = KnownLengths(most=4)
+    known.rows(np.array([[0, 0], [1, 1], [2, 2]]))
+    known.units[:] = 7
+    known.rows(np.array([[0, 0], [1, 1], [3, 3], [3, 3]]))
+    assert known.cells.tolist() == [[0, 0], [1, 1], [2, 2], [3, 3]] and known.units[0, 1:].tolist() == [
+        7,
+        7,
+        UNKNOWN,
+    ]
+    known.rows(np.array([[1, 1], [4, 4]]))
+    assert known.cells.tolist() == [[1, 1], [4, 4]]

@@ -76,6 +76,20 @@ def test_the_cost_is_that_of_walking(seed: int, count: int, patience: float) -> 
     )
 
 
+def test_the_cost_is_what_the_tour_is_chosen_by() -> None:
+    position = np.array([0.0, 7.0, -1.0, 3.0])
+    distances, order = abs(position[:, None] - position), np.array([2, 3, 1])
+    alike = latency_cost(distances, np.ones(3), order)
+    assert latency_cost(distances, np.zeros(3), order) == alike == pytest.approx((1 + 5 + 9) / 3 + 9)
+    assert latency_tour(distances, np.zeros(3)).tolist() == order.tolist()
+    apart = np.array([[0, 5, np.inf], [5, 0, np.inf], [np.inf, np.inf, 0]])
+    costs = [latency_cost(apart, np.array([1.0, 0.0]), np.array(tour)) for tour in ([1, 2], [2, 1])]
+    assert np.isfinite(costs).all() and costs[0] < costs[1]
+    assert latency_cost(np.zeros((1, 1)), np.empty(0), np.empty(0)) == 0.0
+    with pytest.raises(ConfigError, match="finite weights"):
+        latency_cost(distances, np.ones(2), order)
+
+
 def test_patience_makes_tours_short_and_impatience_goes_where_much_is() -> None:
     excess, delays = [], []
     for seed in range(30):

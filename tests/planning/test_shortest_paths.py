@@ -16,6 +16,7 @@ from layoutexplore.grids.grid import Cell
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning import canonical_search as wavefront
 from layoutexplore.planning.shortest_paths import (
+    check_path,
     descend,
     distance_matrix,
     distances_between,
@@ -197,6 +198,13 @@ def test_a_path_too_long_to_count_is_none() -> None:
         np.diff(distances[600][finite[600]]) == 1
     ).all()
     assert 300_000 < distances[finite].max() < 375_000
+
+
+def test_a_path_is_copied_in_the_order_of_memory_that_kernels_know() -> None:
+    path = np.asfortranarray(np.array([[1, 1], [1, 2], [2, 3]], np.int32))
+    checked = check_path(path, Cell(1, 1))
+    assert checked.flags.c_contiguous and checked.tolist() == path.tolist()
+    assert not np.shares_memory(check_path(checked, Cell(1, 1)), checked)
 
 
 def test_bad_input_is_refused() -> None:

@@ -348,7 +348,21 @@ def test_misfits_are_refused() -> None:
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"hit": 0.0}, {"miss": math.nan}, {"clamp": (0.0, 3.5)}, {"free_below": 0.9}, {"occupied_above": 9.0}],
+    [
+        {"hit": 0.0},
+        {"hit": 0.004},
+        {"miss": math.nan},
+        {"miss": 0.005},
+        {"clamp": (0.0, 3.5)},
+        {"free_below": 0.9},
+        {"occupied_above": 9.0},
+        {"free_below": 0.001, "occupied_above": 0.004},
+        {"hit_share": 0.0},
+        {"hit_share": -1.0},
+        {"hit_share": 50.0},
+        {"hit_share": math.nan},
+        {"hit_share": 0.004},
+    ],
 )
 def test_weights_that_make_no_sense_are_refused(wrong: dict) -> None:
     with pytest.raises(ConfigError):

@@ -24,6 +24,24 @@ def house() -> FloorPlan:
     return floorplan_from_ascii(HOUSE, resolution=1.0, name="house")
 
 
+def test_results_say_in_a_line_what_they_are() -> None:
+    simulation, agent = prepare(house(), SimulationConfig(), "layout-tour")
+    episode = play(simulation, agent)
+    decision = simulation.reset(seed=0)
+    rows, cols = simulation.raster.shape
+    told = {
+        decision.grid: f"OccupancyGrid(cells=int8 ({rows}, {cols}), resolution=0.1, origin=Pose(x=",
+        simulation.raster: f"PlanRaster(occupied=bool ({rows}, {cols}), ",
+        simulation.plan: "FloorPlan(name='house', building='house', rooms=[5 Rooms], doors=[",
+        decision: "Decision(step=0, grid=OccupancyGrid(cells=int8",
+        decision.frontiers[0]: "Frontier(cells=int32 (",
+        simulation.truth: "Truth(plan=FloorPlan(name='house', ",
+    }
+    for thing, begin in [*told.items(), (episode, f"Episode(curve=float64 ({len(episode.curve)}, 2), ")]:
+        assert repr(thing).startswith(begin), repr(thing)
+        assert len(repr(thing)) < 1000 and "\n" not in repr(thing)
+
+
 def test_a_stuck_agent_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     class Dawdler:
         name = "dawdler"
@@ -60,3 +78,14 @@ def test_predicting_is_part_of_deciding() -> None:
     timed = simulation.predictor
     assert simulation.stop_reason == "coverage" and isinstance(timed, TimedPredictor)
     assert timed.ms > 0 and timed.name == "oracle" and len(episode.decision_ms) == simulation.decisions
+
+
+def test_what_earlier_runs_took_to_predict_is_not_counted_again() -> None:
+    simulation, agent = prepare(house(), SimulationConfig(), "layout-nearest:predictor=oracle")
+    timed = simulation.predictor
+    assert isinstance(timed, TimedPredictor)
+    for _ in range(3):
+        before = timed.ms
+        episode = play(simulation, agent)
+        assert 0 < sum(episode.prediction_ms) < 1.001 * (timed.ms - before)
+        timed.ms += 1e6

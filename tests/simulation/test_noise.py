@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
+from dataclasses import asdict, replace
+
 import numpy as np
 import pytest
 
@@ -47,9 +50,23 @@ def error(simulation: Simulation) -> float:
 @pytest.mark.parametrize("level", NOISE)
 def test_a_level_sets_odometry_and_lidar(level: str) -> None:
     config = SimulationConfig(sensor="indoor", noise=level)
-    assert config.odometry_noise == NOISE[level].odometry
+    assert config.odometry == NOISE[level].odometry
     assert config.lidar.range_noise_std == NOISE[level].range_std > 0
     assert config.lidar.range_max == sensor("indoor").range_max
+
+
+@pytest.mark.parametrize("level", NOISE)
+def test_a_level_is_left_and_changed_and_survives_a_table(level: str) -> None:
+    config = SimulationConfig(sensor="indoor", noise=level)
+    assert replace(config, noise="") == SimulationConfig(sensor="indoor")
+    assert replace(config, noise="middle") == SimulationConfig(sensor="indoor", noise="middle")
+    table = config.as_table()
+    assert table["noise"] == level and table["odometry_noise"] == asdict(NOISE[level].odometry)
+    assert list(table) == list(asdict(config)) and pickle.loads(pickle.dumps(config)) == config
+    assert config.__getstate__()["odometry_noise"] == NOISE[level].odometry
+    assert SimulationConfig(sensor="indoor", noise=level, odometry_noise=NOISE[level].odometry) == config
+    kept = replace(config, noise="", odometry_noise=config.odometry)
+    assert kept.odometry == NOISE[level].odometry and not kept.lidar.noisy
 
 
 def test_levels_rise() -> None:

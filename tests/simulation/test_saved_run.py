@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from pathlib import Path
@@ -145,8 +146,14 @@ def test_what_is_no_saved_run_is_refused(tmp_path: Path) -> None:
         load_simulation(file, "office-01")
     with pytest.raises(ResultsError, match="missing"):
         load_simulation(tmp_path / "none.npz", offices())
+    shut = tuple(dataclasses.replace(door, rooms=(0, 0)) for door in offices().doors)
+    with pytest.raises(ConfigError, match="rooms of doors are others"):
+        load_simulation(file, dataclasses.replace(offices(), doors=shut))
     arrays = read_arrays(file)
     table = json.loads(str(arrays["run"]))
+    earlier = {key: value for key, value in table.items() if key != "raster_hash"}
+    write_arrays(other, arrays | {"run": np.array(json.dumps(earlier))})
+    assert load_simulation(other, offices()).decisions == 1
     for change, said in (
         ({"run": np.array(json.dumps(table | {"format": 99}))}, "this version"),
         ({"run": np.array(json.dumps(table | {"config": {"resolution": -1}}))}, "damaged"),

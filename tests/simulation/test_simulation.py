@@ -92,6 +92,20 @@ def test_robot_never_enters_what_the_lidar_sees(seed: int, drift: bool, radius: 
         assert nearest >= radius - 1e-9 and not raster.occupied[cell]
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_motion_tells_what_came_into_view_with_the_end_of_the_budget(seed: int) -> None:
+    simulation = Simulation(three_rooms(), SimulationConfig(sensor="short", max_distance=1.5))
+    simulation.reset(seed=seed)
+    last = 0
+    while not simulation.done:
+        known = np.count_nonzero(simulation.mapper.grid.cells >= 0)
+        motion = simulation.drive(0.4, 0.5)
+        touched = 1 if motion.collided else 0
+        last = np.count_nonzero(simulation.mapper.grid.cells >= 0) - known
+        assert 0 <= last - motion.new_cells <= touched
+    assert simulation.stop_reason == "budget" and last > 0
+
+
 def test_drift_bends_the_map_and_no_drift_does_not() -> None:
     straight, bent = (
         explore("indoor", 2),

@@ -14,6 +14,8 @@ from layoutexplore.closed_doors.features import FEATURES
 from layoutexplore.evaluation.closed_doors import score_prediction
 from layoutexplore.grids.grid import FREE, OccupancyGrid
 from layoutexplore.maps.buildings import building_of
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.library import load_plan
 from layoutexplore.models.forest_files import load_forests
 from layoutexplore.training import closed_doors as training
 from layoutexplore.training.closed_doors import collect, find_sources, fit, samples_of, save
@@ -43,8 +45,23 @@ def test_samples_are_kept(closed_door_maps: Path, tmp_path: Path) -> None:
     first = samples_of(sources[0], tmp_path / "cache")
     again = samples_of(sources[0], tmp_path / "cache")
     assert first is not None and again is not None and np.array_equal(first.boxes, again.boxes)
-    assert [p.name for p in (tmp_path / "cache").iterdir()] == ["office_2_doors.npz"]
+    (kept,) = (tmp_path / "cache").iterdir()
+    assert kept.name.startswith("office_2_doors-") and kept.suffix == ".npz"
     assert {building_of(name, "closed doors") for name in ("battle_2", "battle_1", "battle2")} == {"battle"}
+
+
+def test_samples_of_plans_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    """A floor of two buildings, and a plan that was edited meanwhile."""
+    paths = [tmp_path / name / "floor.geojson" for name in ("east", "west")]
+    for path, name in zip(paths, ("apartment-01", "apartment-02"), strict=True):
+        path.parent.mkdir()
+        save_plan(load_plan(name), path)
+    sources = find_sources(None, [str(path) for path in paths])[:2]
+    east, west = (samples_of(source, tmp_path / "cache") for source in sources)
+    assert east is not None and west is not None and not np.array_equal(east.edges, west.edges)
+    save_plan(load_plan("apartment-02"), paths[0])
+    edited = samples_of(sources[0], tmp_path / "cache")
+    assert edited is not None and np.array_equal(edited.edges, west.edges)
 
 
 def test_floors_of_one_file_are_of_one_building_and_have_names_of_their_own() -> None:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import math
+import os
 import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future
@@ -89,8 +90,15 @@ class SearchRun(TrainingRun):
     """
 
     def __init__(
-        self, config: TrainingConfig, folder: Path, *, device: str, resume: bool, watcher: Watcher
+        self,
+        config: TrainingConfig,
+        folder: str | os.PathLike[str],
+        *,
+        device: str,
+        resume: bool,
+        watcher: Watcher,
     ) -> None:
+        folder = Path(folder)
         super().__init__(config, folder, EXPLORATIONS, device=device, resume=resume, watcher=watcher)
         assert config.search is not None
         self.search = config.search
@@ -203,12 +211,13 @@ class SearchRun(TrainingRun):
 
 
 @checks_arguments
-def read_explorations(path: Path, members: int) -> list[Exploration]:
+def read_explorations(path: str | os.PathLike[str], members: int) -> list[Exploration]:
     """The explorations of a search, whole groups only.
 
     Raises:
         ResultsError: There is no such file, or it is something else.
     """
+    path = Path(path)
     if not is_there(path):
         raise ResultsError(f"no checkpoint {path}: leave out --resume to start a run there")
     text = read_text(path, ResultsError, "file of explorations")

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numba import njit
 
-from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask, shows_shapes
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.grids.polygons import valid_polygons
@@ -75,6 +75,7 @@ def assemble(
     )
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class FaceDetails(Details):
     """Lines and faces as objects, made from the arrays when they are asked for.

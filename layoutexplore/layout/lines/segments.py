@@ -30,8 +30,7 @@ class SegmentConfig:
         max_gap: Longest gap inside a segment.
         twice: Search the mirror image of the map as well, and keep what either search finds. A search visits
             the cells in a random order and takes those of a segment from the others: what it finds depends on
-                how the map lies, and where
-            one leaves a gap the other may not.
+            how the map lies, and where one leaves a gap the other may not.
     """
 
     votes: float = 1.25

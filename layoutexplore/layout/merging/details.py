@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Floats32, Ints, Ints32
+from layoutexplore.grids.arrays import Floats32, Ints, Ints32, shows_shapes
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid
 from layoutexplore.layout.alignment import surfaces
 from layoutexplore.layout.limits import cells_at_most, most_lines
@@ -48,6 +48,7 @@ LARGEST_TABLE = 2**23
 """The table of faces and rooms has at most so many entries; larger ones are not made."""
 
 
+@shows_shapes
 @dataclass(frozen=True, eq=False)
 class MergingDetails(Details):
     """Lines, faces and scores of a layout of the method `default`, computed when they are first asked for.

@@ -120,7 +120,8 @@ class MergingConfig(AlignedMapConfig):
         for name in ("basin_share", "room_pass"):
             if not 0 < getattr(self, name) <= 1:
                 raise ConfigError(f"{name} must lie in (0, 1], got {getattr(self, name)}")
-        check(self, basin_wide=Rule(high=1e6))
+        least = dict.fromkeys(("sliver_area", "pair_weight", "wall_half"), Rule(low=0.0))
+        check(self, basin_wide=Rule(high=1e6), **least)
         positive = min(self.clutter_area, self.clutter_length, self.basin_wide)
         if positive <= 0 or min(self.chink, self.clutter_gap, self.room_area, self.nook_area) < 0:
             raise ConfigError(

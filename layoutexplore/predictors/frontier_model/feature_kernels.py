@@ -62,8 +62,7 @@ def frontier_frame(code: Bytes, members: Ints32) -> Floats:
 
     Returns:
         float64 (8,): row and column of its middle cell, forward (row, col), sideways (row, col), slant of the
-            normal
-        (0 straight on, 1 diagonal), number of sides that border the unknown.
+            normal (0 straight on, 1 diagonal), number of sides that border the unknown.
     """
     normal_row, normal_col, sides = 0, 0, 0
     sum_row, sum_col, count = 0, 0, len(members)

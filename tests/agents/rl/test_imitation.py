@@ -12,10 +12,15 @@ pytest.importorskip("tensorboard")
 
 
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig  # noqa: E402
-from layoutexplore.agents.rl.imitation import imitate  # noqa: E402
+from layoutexplore.agents.rl.imitation import Demonstrations, attend, imitate  # noqa: E402
 from layoutexplore.agents.rl.networks.actor_critic import Actor  # noqa: E402
 from layoutexplore.agents.rl.training import Run  # noqa: E402
+from layoutexplore.envs.frontier import FrontierEnv  # noqa: E402
+from layoutexplore.envs.observation import ObservationConfig  # noqa: E402
 from layoutexplore.errors import ConfigError  # noqa: E402
+from layoutexplore.frontiers.decision import STOP, Decision  # noqa: E402
+from layoutexplore.simulation.episode import play  # noqa: E402
+from layoutexplore.simulation.simulation import Simulation  # noqa: E402
 from tests.agents.rl.cases import Silent, small_config  # noqa: E402
 
 
@@ -58,3 +63,64 @@ def test_a_teacher_with_another_predictor(tmp_path: Path) -> None:
     config = small_config(tmp_path, imitation={"teacher": "layout-tour"})
     with pytest.raises(ConfigError, match="needs predictor = 'layout'"):
         train(config, tmp_path / "run")
+
+
+class Farthest:
+    """Goes to the farthest frontier, for which there may be no slot, and stops after some decisions."""
+
+    name = "farthest"
+
+    def __init__(self, most: int = 1000) -> None:
+        self.most = most
+
+    def reset(self, seed: int) -> None:
+        self.left = self.most
+
+    def act(self, decision: Decision) -> int:
+        self.left -= 1
+        return len(decision.frontiers) - 1 if self.left >= 0 else STOP
+
+
+def few_slots() -> FrontierEnv:
+    observation = ObservationConfig(max_frontiers=2, local_map=False, global_map=False)
+    return FrontierEnv("apartment-01", sensor="short", observation=observation)
+
+
+@pytest.mark.parametrize("most", [6, 1000])
+def test_a_teacher_is_followed_beyond_the_slots_and_until_it_stops(most: int) -> None:
+    env, learnt, teacher = few_slots(), Demonstrations(), Farthest(most)
+    attend(env, teacher, None, learnt, seed=0)
+    alone = Simulation(env.simulation.plan, env.simulation.config)
+    seed = env.reset(seed=0)[1]["simulation_seed"]
+    attend(env, teacher, None, Demonstrations(), seed=0)
+    offered: list[int] = []
+    play(alone, teacher, seed=seed, on_step=lambda s: offered.append(len(s.decision.frontiers)))
+    assert env.simulation.track.tolist() == alone.track.tolist()
+    assert max(offered) > 2 and (alone.stop_reason == "agent") == (most == 6)
+    asked = offered[:most] if most == 6 else offered[:-1]
+    assert learnt.choices == [count - 1 for count in asked if count <= 2]
+
+
+def test_a_policy_that_leads_is_taught_until_the_teacher_stops(tmp_path: Path) -> None:
+    config = small_config(tmp_path, observation={"max_frontiers": 2})
+    run = Run(config, tmp_path / "run", device="cpu", resume=False, watcher=Silent())
+    env, learnt = few_slots(), Demonstrations()
+    attend(env, Farthest(5), run.actor(), learnt, seed=0)
+    assert env.simulation.decisions == 5 and len(learnt.choices) < 5
+    run.envs.close()
+
+
+def test_a_run_that_is_stopped_in_its_first_evaluation_imitates_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    imitation = {"teacher": "nearest-0.4", "episodes": 1, "rounds": 1, "epochs": 1}
+    config, watcher = small_config(tmp_path, steps=16, imitation=imitation), Silent()
+    monkeypatch.setattr(Run, "evaluate", lambda run: setattr(run, "stopping", True))
+    first = train(config, tmp_path / "run", watcher=watcher)
+    assert first.progress.steps == 0 and first.progress.imitated
+    again = train(config, tmp_path / "run", resume=True, watcher=watcher)
+    taught = [line for line in watcher.lines if line.startswith("imitation")]
+    assert len(taught) == 1 and again.progress.imitated
+    assert all(
+        torch.equal(a, b) for a, b in zip(first.weights().values(), again.weights().values(), strict=True)
+    )

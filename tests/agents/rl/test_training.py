@@ -66,6 +66,15 @@ def test_a_resumed_run_is_the_one_that_was_never_stopped(trained: Path, tmp_path
     assert [e["steps"] for e in run.progress.evaluations] == [0, 32, 64]
 
 
+def test_a_checkpoint_from_before_the_imitation_was_noted(trained: Path, tmp_path: Path) -> None:
+    progress = {"algorithm": "FrontierPPO", "steps": 64, "updates": 4, "calls": 0, "format": 1}
+    metadata = {"progress": json.dumps(progress)}
+    safetensors.torch.save_file(tensors(trained), tmp_path / FILE, metadata=metadata)
+    config, watcher = small_config(tmp_path, imitation={"teacher": "nearest-0.4"}), Silent()
+    run = train(config, tmp_path, resume=True, watcher=watcher)
+    assert run.progress.steps == 64 and not any("imitation" in line for line in watcher.lines)
+
+
 def test_training_moved_actor_and_critic(trained: Path, tmp_path: Path) -> None:
     train(small_config(tmp_path, steps=16, critic_steps=16), tmp_path / "run")
     start, end = tensors(tmp_path / "run"), tensors(trained)
@@ -259,6 +268,7 @@ def test_what_cannot_be_trained_is_told_before_anything_is_written(
         ({"evaluations": [{"steps": 3, "score": 1.0, "d95": None}]}, "d95 must be a finite number"),
         ({"evaluations": 3}, "evaluations must be a list"),
         ({"evalutions": []}, "evalutions"),
+        ({"imitated": 1}, "imitated must be true or false"),
     ],
 )
 def test_numbers_of_a_checkpoint_that_make_no_sense(

@@ -71,3 +71,6 @@ def test_bad_options_are_refused() -> None:
         reconstruct(office(), config={"basin_share": 0.0})
     with pytest.raises(ConfigError, match="openings"):
         MergingConfig(reach=-1.0)
+    for name in ("sliver_area", "pair_weight", "wall_half"):
+        with pytest.raises(ConfigError, match=f"{name} must be a finite number, 0 or more"):
+            MergingConfig(**{name: -1.0})

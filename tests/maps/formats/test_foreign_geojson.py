@@ -196,3 +196,38 @@ def test_areas_are_counted_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     (tmp_path / "areas.geojson").write_text(json.dumps({"features": areas}))
     with pytest.raises(MapError, match="30 areas, and the limit rooms is 25"):
         load_foreign_geojson(tmp_path / "areas.geojson")
+
+
+def test_a_drawing_in_feet_has_walls_and_doors_of_the_usual_size(tmp_path: Path) -> None:
+    feet = 1 / 0.3048
+    drawn = [(affinity.scale(shape, feet, feet, origin=(0, 0)), properties) for shape, properties in ROOMS]
+    metres, scaled = load_plan(write(tmp_path, *ROOMS)), load_plan(write(tmp_path, *drawn), resolution=0.3048)
+    assert [door.width for door in scaled.doors] == pytest.approx([door.width for door in metres.doors])
+    assert scaled.area == pytest.approx(metres.area) and share_reached(scaled) == 1.0
+    assert scaled.metadata["scale"] == "0.3048 m a unit (as given)"
+    wide = (LineString([(4 * feet, 2), (4 * feet, 3)]), {"width": 1.5 * feet})
+    scaled = load_plan(write(tmp_path, *drawn[:2], wide), resolution=0.3048)
+    assert scaled.doors[0].width == pytest.approx(1.5)
+    # A plan of ours has its walls: it is stretched with them, whatever scale it tells of.
+    save_plan(scaled, tmp_path / "own.geojson")
+    assert load_plan(tmp_path / "own.geojson", resolution=0.5).area == pytest.approx(scaled.area / 4)
+
+
+def test_degrees_are_corrected_by_a_unit(tmp_path: Path) -> None:
+    path = write(tmp_path, (box(10.0, 50.0, 10.0002, 50.0001), {}))
+    with pytest.warns(MapWarning, match="projected"):
+        width, wide = (load_plan(path, resolution=unit).bounds for unit in (None, 1.1))
+    assert wide[2] - wide[0] == pytest.approx(1.1 * (width[2] - width[0]), rel=0.01)
+    with pytest.raises(MapError, match="is no unit of a drawing"):
+        load_plan(path, resolution=1e-5)
+
+
+def test_floors_that_would_lie_on_each_other_are_told(tmp_path: Path) -> None:
+    rooms = [(box(0, 0, 4, 5), {"level_id": "a"}), (box(0, 0, 9, 5), {"level_id": "b"})]
+    path = write(tmp_path, *rooms, name="unit")
+    with pytest.raises(MapError, match=r"on 2 floors .* give the folder of all files"):
+        load_plan(path)
+    (tmp_path / "level.geojson").write_text("{}")
+    with pytest.raises(MapError, match=f"give the folder {tmp_path} "):
+        load_plan(path)
+    assert len(load_plan(write(tmp_path, *rooms[:1])).rooms) == 1

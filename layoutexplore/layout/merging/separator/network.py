@@ -134,5 +134,5 @@ def _ends(up: int, right: int, rows: int, cols: int) -> tuple[tuple[slice, slice
 @lru_cache(maxsize=1)
 def load_separator(path: Path = NETWORK_PATH) -> SeparatorNetwork:
     """The shipped network."""
-    weights = load_weights(path, shapes_of(LAYERS))
+    weights = load_weights(path, shapes_of(LAYERS), "separator network")
     return SeparatorNetwork({name: np.asarray(values, np.float32) for name, values in weights.items()})

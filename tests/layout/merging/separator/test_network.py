@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from layoutexplore.errors import ConfigError
 from layoutexplore.layout import limits
 from layoutexplore.layout.alignment import turn_labels
 from layoutexplore.layout.merging.method import MergingConfig
@@ -74,6 +77,14 @@ def test_the_shipped_one_knows_a_doorway_from_the_middle_of_a_room() -> None:
     assert found[squares == 1, BORDER].min() > 0 > found[squares > 1, BORDER].max()
     near = 3 + np.arange(NEAR)
     assert found[squares == 2][:, near].min() > 0, OFFSETS
+
+
+def test_weights_that_cannot_be_read_are_called_what_they_are(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.safetensors"
+    broken.write_bytes(b"no weights")
+    for path in (tmp_path / "none.safetensors", broken):
+        with pytest.raises(ConfigError, match=r"safetensors.*separator network"):
+            load_separator(path)
 
 
 def test_of_a_map_too_large_it_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
