@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.drawing.film import Film
     from layoutexplore.grids.arrays import Bytes
+    from layoutexplore.predictors.prior_plan import PriorPredictor
     from layoutexplore.simulation.simulation import Simulation
 
 SAVED_EVERY = 1.0
@@ -41,6 +42,7 @@ class RunWatcher:
         self.pictures: dict[int, bytes] = {}
         self.layouts: dict[int, dict[str, Any]] = {}
         self.priors: dict[int, bytes] = {}
+        self._asked = self._believed = 0
 
     def draw(self, state: Simulation) -> Bytes:
         """A picture of what is known."""
@@ -53,11 +55,28 @@ class RunWatcher:
         share = min(1.0, state.coverage / state.config.coverage_goal)
         text = f"{state.distance:.0f} m, {state.decisions} decisions"
         self._line.advance(int(100 * state.coverage), 100, share, text)
+        if not state.done:
+            self._asked += 1
+            self._believed += state.decision.foresee is not None
         quarter = 25 * int(4 * state.coverage)
         if self._draws and (quarter not in self.pictures or state.done):
             self._keep_picture(state, 100 if state.done else quarter)
         if self._file and time.monotonic() - self._saved >= SAVED_EVERY:
             self.save(state)
+
+    def belief(self, state: Simulation) -> str:
+        """Whether a plan known beforehand was believed; empty without one."""
+        predictor = prior_of(state)
+        if predictor is None:
+            return ""
+        if predictor.unused:
+            return f"not used, because {predictor.unused}"
+        if not self._believed:
+            return (
+                f"never believed (confidence {predictor.confidence:.2f} at the end): explored as without it"
+            )
+        share = f"{100 * self._believed / self._asked:.0f} % of {self._asked} decisions"
+        return f"believed at {share}, confidence {predictor.confidence:.2f} at the end"
 
     def save(self, state: Simulation) -> None:
         """Write the state of the run, if there is a file for it."""
@@ -71,19 +90,24 @@ class RunWatcher:
         from layoutexplore.drawing.prior_plans import draw_registered
         from layoutexplore.grids.ros_map import encode_png
         from layoutexplore.layout.export import layout_to_geojson
-        from layoutexplore.predictors.prior_plan import PriorPredictor
-        from layoutexplore.simulation.episode import TimedPredictor
 
         self.pictures[percent] = encode_png(self.draw(state))
-        timed = state.predictor
-        predictor = timed.inner if isinstance(timed, TimedPredictor) else timed
-        if isinstance(predictor, PriorPredictor) and predictor.registration:
+        predictor = prior_of(state)
+        if predictor is not None and predictor.registration:
             drawn = draw_registered(
                 state.mapper.grid, predictor.registration, predictor.confidence, state.track
             )
             self.priors[percent] = encode_png(drawn)
         if state.decision.rooms is not None:
             self.layouts[percent] = layout_to_geojson(state.decision.rooms.layout)
+
+
+def prior_of(state: Simulation) -> PriorPredictor | None:
+    """The predictor of a run that has a plan known beforehand; None where there is none."""
+    from layoutexplore.predictors.prior_plan import PriorPredictor
+
+    predictor: object = getattr(state.predictor, "inner", state.predictor)
+    return predictor if isinstance(predictor, PriorPredictor) else None
 
 
 def save_run(folder: Path, simulation: Simulation, watcher: RunWatcher) -> list[Path]:
@@ -118,6 +142,22 @@ def save_run(folder: Path, simulation: Simulation, watcher: RunWatcher) -> list[
     return [folder / name for name in names]
 
 
+def check_run_files(sources: list[str], folder: Path | None, state: Path | None) -> None:
+    """See whether a run's files have their suffixes and are written over no plan that is read.
+
+    Raises:
+        ConfigError: They have not, or would be.
+    """
+    from layoutexplore.files import check_file, check_kept
+    from layoutexplore.maps.library import source_files
+
+    kept = [file for source in sources for file in source_files(source)]
+    if folder is not None:
+        check_kept([folder / name for name in ("map.yaml", "map.pgm")], kept)
+    if state is not None:
+        check_file(state, suffixes=(".npz",), option="--save-state", kept=kept)
+
+
 def film_of(path: Path | None, fps: float) -> AbstractContextManager[Film | None]:
     """A film that is written to a path; nothing without one."""
     if path is None:
@@ -135,13 +175,14 @@ def way_home(simulation: Simulation) -> str:
     return f"{metres:.1f} m, {'arrived' if arrived else 'did not arrive'}"
 
 
-def summary(row: Row, *, filmed: bool, back: str = "") -> Table:
+def summary(row: Row, *, filmed: bool, back: str = "", prior: str = "") -> Table:
     """The table that is printed in the end.
 
     Args:
         row: The run.
         filmed: Whether a film was made meanwhile.
         back: What became of the way back, if there was one.
+        prior: Whether a plan known beforehand was believed, if there was one.
     """
     from rich.table import Table
 
@@ -165,6 +206,7 @@ def summary(row: Row, *, filmed: bool, back: str = "") -> Table:
             (f"{name[1:]} % seen after", f"{getattr(row, name):.1f} m" if ok else "not reached")
             for name, ok in reached.items()
         ),
+        *([("prior plan", prior)] if prior else ()),
         ("decisions", f"{row.decisions}, {row.ms_decision_median:.2f} ms each (median)"),
         ("scans", f"{row.scans}"),
         ("took", f"{row.wall_seconds:.1f} s{', filming included' if filmed else ''}"),

@@ -132,13 +132,21 @@ def explore(
 ) -> None:
     """Explore one floor plan."""
     from layoutexplore.benchmark.rows import Row, prepare, score_run
-    from layoutexplore.cli.exploration import RunWatcher, film_of, save_run, summary, way_home
+    from layoutexplore.cli.exploration import (
+        RunWatcher,
+        check_run_files,
+        film_of,
+        save_run,
+        summary,
+        way_home,
+    )
     from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.files import check_places
     from layoutexplore.simulation.episode import play
     from layoutexplore.simulation.saved_run import read_saved_run
 
     check_places(out, save_state, file="--save-state")
+    check_run_files([plan] if prior is None else [plan, prior], out, save_state)
     console = plain_console()
     saved = read_saved_run(saved_state) if saved_state else None
     settings = saved.config if saved else _settings(config, sensor, region, noise)
@@ -161,7 +169,7 @@ def explore(
     row = Row(plan=simulation.plan.name, start=0, sensor=sensor, agent=agent, seed=seed)
     row = score_run(row, simulation, episode)
     back = way_home(simulation) if returns and simulation.done else ""
-    console.print(summary(row, filmed=video is not None, back=back))
+    console.print(summary(row, filmed=video is not None, back=back, prior=watcher.belief(simulation)))
     written = [path for path in (video, save_state) if path]
     for path in (*written, *(save_run(out, simulation, watcher) if out else ())):
         console.print(f"wrote {path}", soft_wrap=True)

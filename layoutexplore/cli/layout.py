@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
@@ -56,13 +57,14 @@ def layout(
     """Reconstruct the layout of grid maps.
 
     Writes NAME_labels.png (16-bit room ids in the image's own orientation, 0 for none), NAME_layout.geojson
-    and NAME_overview.png for each map. A map that cannot be read does not keep the others from being
-    done. The time of the first map includes loading compiled code.
+    and NAME_overview.png for each map (FOLDER_NAME_... where several maps have one name). A map that cannot
+    be read does not keep the others from being done. The time of the first map includes loading compiled
+    code.
     """
-    from layoutexplore.errors import ConfigError
-    from layoutexplore.files import check_places
+    from layoutexplore.files import check_kept, check_places
     from layoutexplore.importing.pictures import picture_config
     from layoutexplore.layout.pipeline import layout_method
+    from layoutexplore.maps.library import source_files
     from layoutexplore.options import JOBS
 
     layout_method(method)
@@ -74,14 +76,12 @@ def layout(
         image_anywhere=image_anywhere,
         keep_outside=keep_outside,
     )
-    names = [path.stem for path in maps]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ConfigError(
-            f"several maps are called {', '.join(twice)}: their results would overwrite each other"
-        )
     check_places(out)
-    work = [(path, method, config, out) for path in maps]
+    bases = [out / name for name in _names(maps)]
+    made = [place for base in bases for place in _places(base)]
+    read = [(path, file) for path in maps for file in source_files(path)]
+    check_kept(made, [file for path, file in read if file == path or not _is_made(file)])
+    work = [(path, method, config, base) for path, base in zip(maps, bases, strict=True)]
     jobs = min(JOBS.convert("--jobs", jobs), len(work))
     if jobs == 1:
         failed = [_say(_attempt(item), as_json) for item in work]
@@ -90,6 +90,38 @@ def layout(
             failed = [_say(summary, as_json) for summary in pool.map(_attempt, work)]
     if any(failed):
         raise typer.Exit(2)
+
+
+def _names(maps: list[Path]) -> list[str]:
+    """What the results of each map are called: NAME, or FOLDER_NAME where several maps are called alike.
+
+    Raises:
+        ConfigError: Results would overwrite each other all the same.
+    """
+    from layoutexplore.errors import ConfigError
+
+    stems = Counter(path.stem for path in maps)
+    names = [p.stem if stems[p.stem] == 1 else f"{p.absolute().parent.name}_{p.stem}" for p in maps]
+    counts = Counter(names)
+    if twice := sorted({path.stem for path, name in zip(maps, names, strict=True) if counts[name] > 1}):
+        raise ConfigError(
+            f"several maps are called {', '.join(twice)}: their results would overwrite each other; rename "
+            "one, or do them one after the other with another --out"
+        )
+    return names
+
+
+def _places(base: Path) -> tuple[Path, Path, Path]:
+    """The files of a map's results: labels, overview, GeoJSON."""
+    endings = ("_labels.png", "_overview.png", "_layout.geojson")
+    labels, overview, geojson = (base.with_name(f"{base.name}{ending}") for ending in endings)
+    return labels, overview, geojson
+
+
+def _is_made(labels: Path) -> bool:
+    """Whether room numbers are results of this command, by what lies beside them; they are made anew."""
+    name = labels.stem.removesuffix("_labels")
+    return name != labels.stem and labels.with_name(f"{name}_layout.geojson").is_file()
 
 
 def _say(summary: dict[str, Any] | str, as_json: bool) -> bool:
@@ -103,11 +135,11 @@ def _say(summary: dict[str, Any] | str, as_json: bool) -> bool:
         typer.echo(json.dumps(summary))
         return False
     note = f"  warning: {'; '.join(summary['warnings'])}" if summary["warnings"] else ""
+    scale = f", {summary['scale']}" if summary["scale"] else ""
     score = "" if summary["structure_score"] is None else f", W {summary['structure_score']:.2f}"
     typer.echo(
         f"{summary['map']}: {counted(summary['rooms'], 'room')}, {summary['room_area']:.0f} m2{score}, "
-        f"{summary['ms']:.0f} ms"
-        f" -> {summary['labels']}{note}"
+        f"{summary['ms']:.0f} ms{scale} -> {summary['labels']}{note}"
     )
     return False
 
@@ -128,17 +160,16 @@ def _reconstruct(item: tuple[Path, str, PictureConfig, Path]) -> dict[str, Any]:
 
     from layoutexplore.drawing.layouts import draw_layout
     from layoutexplore.files import write_atomically
-    from layoutexplore.grids.ros_map import encode_png
+    from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, encode_png
     from layoutexplore.importing.layout_files import layout_with_doors
     from layoutexplore.importing.pictures import read_picture
     from layoutexplore.layout.pipeline import reconstruct
+    from layoutexplore.maps.image import said_scale
 
-    path, method, config, out = item
+    path, method, config, base = item
     grid = read_picture(path, config)
     found = reconstruct(grid, method)
-    labels = out / f"{path.stem}_labels.png"
-    overview = out / f"{path.stem}_overview.png"
-    geojson = out / f"{path.stem}_layout.geojson"
+    labels, overview, geojson = _places(base)
     write_atomically(labels, encode_png(found.room_labels().astype(np.uint16)[::-1]))
     write_atomically(overview, encode_png(draw_layout(found, grid)))
     write_atomically(geojson, (json.dumps(layout_with_doors(found)) + "\n").encode())
@@ -148,6 +179,7 @@ def _reconstruct(item: tuple[Path, str, PictureConfig, Path]) -> dict[str, Any]:
         "rooms": len(found.rooms),
         "room_area": round(sum(room.area for room in found.rooms), 3),
         "structure_score": None if np.isnan(found.structure_score) else round(found.structure_score, 4),
+        "scale": said_scale(config.resolution) if path.suffix.lower() in IMAGE_SUFFIXES else "",
         "ms": round(1000 * found.seconds, 2),
         "timings": {stage: round(1000 * seconds, 3) for stage, seconds in found.timings.items()},
         "warnings": list(found.warnings),

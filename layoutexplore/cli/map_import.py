@@ -60,7 +60,10 @@ def import_plan(
         Path | None,
         typer.Option(help="Folder for a robot: cleaned map (YAML, PGM), rooms and doors, graph of rooms."),
     ] = None,
-    robot_radius: Annotated[float, typer.Option(help="Metres, for the goals of the graph.")] = 0.25,
+    robot_radius: Annotated[
+        float | None,
+        typer.Option(help="Metres, for what is out of reach (0.2 without) and the graph's goals (0.25)."),
+    ] = None,
 ) -> None:
     """Read a building of your own, find its rooms and doors, and say what to correct.
 
@@ -72,15 +75,16 @@ def import_plan(
     from layoutexplore.drawing.findings import draw_findings
     from layoutexplore.files import check_places, write_atomically
     from layoutexplore.grids.ros_map import encode_png
-    from layoutexplore.importing.findings import find_faults
+    from layoutexplore.importing.findings import ROBOT_RADIUS, find_faults
     from layoutexplore.importing.pictures import picture_config
-    from layoutexplore.importing.robot_files import write_robot_files
+    from layoutexplore.importing.robot_files import GOAL_RADIUS, write_robot_files
     from layoutexplore.maps.geojson import save_plan
     from layoutexplore.options import Rule
 
-    check_places(robot, out, file="--out")
-    picture = _picture_place(source, out)
-    Rule(low=0.0, high=100.0).convert("--robot-radius", robot_radius)
+    check_places(None, out, file="--out", robot=robot)
+    picture = _picture_place(source, out, robot)
+    if robot_radius is not None:
+        Rule(low=0.0, high=100.0).convert("--robot-radius", robot_radius)
     config = picture_config(
         resolution=resolution,
         scale_by=scale_by,
@@ -90,34 +94,41 @@ def import_plan(
         keep_outside=keep_outside,
     )
     building = _building(source, config, rooms, _columns(column or []))
-    findings = find_faults(building.plan)
+    findings = find_faults(building.plan, radius=ROBOT_RADIUS if robot_radius is None else robot_radius)
     save_plan(building.plan, out)
     if picture is not None:
         write_atomically(picture, encode_png(draw_findings(building.plan, findings)))
     for line in _summary(out, picture, building.plan, findings):
         typer.echo(line)
-    for path in [] if robot is None else write_robot_files(building, robot, radius=robot_radius):
+    radius = GOAL_RADIUS if robot_radius is None else robot_radius
+    for path in [] if robot is None else write_robot_files(building, robot, radius=radius):
         typer.echo(f"wrote {path}")
 
 
-def _picture_place(source: Path, out: Path) -> Path | None:
+def _picture_place(source: Path, out: Path, robot: Path | None) -> Path | None:
     """Where the picture of the floor plan goes; None beside a device or a pipe, which is no place for one.
 
     Raises:
-        ConfigError: The floor plan would be written over the map or image that it is read from.
+        ConfigError: Something would be written over what is read, or the floor plan is no GeoJSON by name.
     """
-    from layoutexplore.errors import ConfigError
-    from layoutexplore.files import is_special
-    from layoutexplore.maps.library import shows_rooms
+    from layoutexplore.files import check_file, check_kept, is_special
+    from layoutexplore.importing.robot_files import ROBOT_FILES
+    from layoutexplore.maps.geojson import SUFFIXES, is_saved_plan
+    from layoutexplore.maps.library import source_files
 
+    # A plan of ours may be corrected in place.
+    kept = [] if is_saved_plan(source) else list(source_files(source))
+    check_file(out, suffixes=SUFFIXES, kept=kept)
+    if robot is not None:
+        check_kept([robot / name for name in ROBOT_FILES], [source, out, *kept], option="--robot")
     if is_special(out):
         return None
-    if out.resolve() == source.resolve() and not shows_rooms(source):
-        raise ConfigError(f"{source} is what is imported: --out must name another file, a .geojson")
     picture, other = out.with_suffix(".png"), out.with_name(f"{out.stem}_imported.png")
-    # A picture that lies there before the floor plan does is no drawing of it: it may be what is imported.
+    # A picture that lies there before the floor plan does is no drawing of it: it may be somebody's own.
     foreign = picture.exists() and (other.exists() or not out.exists())
-    return other if foreign or picture.resolve() == source.resolve() else picture
+    picture = other if foreign or picture in source_files(source) else picture
+    check_kept([picture], source_files(source))
+    return picture
 
 
 def _columns(words: list[str]) -> dict[str, str]:
@@ -143,10 +154,11 @@ def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str
 
     if shows_rooms(source):
         config.check_unused(source)
-        plan = load_plan(source, resolution=config.resolution, columns=columns)
-        if config.resolution is not None and plan.source is None:
-            plan = plan.stretched(config.resolution, config.resolution)
-        return building_of_plan(plan)
+        if rooms != "default":
+            raise ConfigError(
+                f"{source} has rooms of its own: --rooms, which finds them, means nothing for it"
+            )
+        return building_of_plan(load_plan(source, resolution=config.resolution, columns=columns))
     if columns:
         raise ConfigError(f"{source} is a picture: --column is for GeoJSON")
     return import_building(source, config, method=rooms)

@@ -68,8 +68,12 @@ def show_plan(
     ] = 0.2,
 ) -> None:
     """Show what a floor plan holds: rooms, doors, area, and what a robot can reach."""
+    from layoutexplore.files import check_file
     from layoutexplore.maps import load_plan
+    from layoutexplore.maps.library import source_files
 
+    if out is not None:
+        check_file(out, suffixes=(".png",), kept=source_files(plan))
     loaded = load_plan(plan)
     for line in _describe(loaded, resolution, radius):
         typer.echo(line)
@@ -87,9 +91,11 @@ def generate_plan(
 ) -> None:
     """Generate a floor plan."""
     from layoutexplore.errors import counted
+    from layoutexplore.files import check_file
     from layoutexplore.maps.generator import generate
-    from layoutexplore.maps.geojson import save_plan
+    from layoutexplore.maps.geojson import SUFFIXES, save_plan
 
+    check_file(out, suffixes=SUFFIXES)
     plan = generate(family, seed) if area is None else generate(family, seed, area=area)
     save_plan(plan, out)
     rooms, doors = counted(len(plan.rooms), "room"), counted(len(plan.doors), "door")
@@ -119,10 +125,8 @@ def _describe(plan: FloorPlan, resolution: float, radius: float) -> list[str]:
 
 
 def _draw(plan: FloorPlan, resolution: float, out: Path) -> None:
-    from layoutexplore.drawing.pictures import draw_plan
+    from layoutexplore.drawing.floor_plans import draw_sheet
     from layoutexplore.files import write_atomically
     from layoutexplore.grids.ros_map import encode_png
 
-    longest = max(plan.rasterize(resolution).shape)
-    scale = max(1, 1600 // longest)
-    write_atomically(out, encode_png(draw_plan(plan.rasterize(resolution), scale=scale)))
+    write_atomically(out, encode_png(draw_sheet(plan, resolution).image))

@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 
 from layoutexplore.drawing.palette import Colour, Image
-from layoutexplore.errors import checks_arguments
-from layoutexplore.grids.arrays import Bytes, Floats, Ints32
+from layoutexplore.drawing.room_fills import fills_of_rooms
+from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.types import FaceKind, Layout
 from layoutexplore.options import Rule, check_kind
@@ -54,19 +54,6 @@ def draw_layout(layout: Layout, grid: OccupancyGrid | None = None, *, panel: int
     images = [_titled(draw(), title) for title, draw in panels]
     width, height = canvas.size
     return np.concatenate(images, axis=0 if width > WIDE * height else 1)
-
-
-@checks_arguments
-def room_colours(count: int) -> Bytes:
-    """RGB uint8 (count + 1, 3), white for 0: hues by the golden angle, so that close ids look different."""
-    Rule(kind=int, low=0, high=1 << 24).convert("count", count)
-    hue = (np.arange(count + 1) * 137.508) % 360
-    level = np.arange(count + 1) % 3
-    saturation, value = np.choose(level, (95, 150, 70)), np.choose(level, (245, 225, 205))
-    hsv = np.stack((hue / 2, saturation, value), axis=1).astype(np.uint8)
-    colours: Bytes = cv2.cvtColor(hsv[None], cv2.COLOR_HSV2RGB)[0]
-    colours[0] = PAPER
-    return colours
 
 
 class _Canvas:
@@ -147,8 +134,10 @@ def _draw_faces(canvas: _Canvas, layout: Layout) -> Image:
 
 def _draw_rooms(canvas: _Canvas, layout: Layout, grid: OccupancyGrid | None) -> Image:
     labels = layout.room_labels(grid)
-    image = room_colours(int(labels.max(initial=0)))[labels]
     shown = grid or layout.clean_grid
+    fills = fills_of_rooms(labels, shown.resolution)
+    fills[0] = PAPER
+    image = fills.take(labels, axis=0)
     image[(labels == 0) & (shown.cells < FREE)] = UNSEEN
     image[shown.cells == OCCUPIED] = INK
     image = canvas.resize(image)

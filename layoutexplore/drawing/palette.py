@@ -1,8 +1,8 @@
 """The colours of every picture and report, in one place; safe for colour-blind readers.
 
 The strong colours are those of Okabe and Ito, "Color Universal Design" (2008); the pale ones of the rooms are
-mixed from Paul Tol's "light" scheme ("Colour Schemes", SRON technical note, 2021), which keeps neighbours
-apart for all readers.
+mixed from Paul Tol's "light" scheme ("Colour Schemes", SRON technical note, 2021), which all readers can tell
+apart.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ ROOMS: tuple[Colour, ...] = (
     (250, 220, 176),
     (221, 221, 221),
 )
-"""Fills of rooms, used in turn."""
+"""Fills of rooms, used in turn; `layoutexplore.drawing.room_fills` keeps neighbours apart."""
 
 # What a map is made of.
 CANVAS: Colour = (228, 230, 234)
@@ -58,6 +58,7 @@ INK: Colour = (32, 37, 48)
 FADED_INK: Colour = (112, 120, 133)
 PAPER: Colour = (250, 250, 248)
 RULE: Colour = (216, 219, 224)
+ROOM_NUMBER: Colour = (84, 92, 106)
 
 # What happens on it.
 ROBOT: Colour = BLUE
@@ -117,5 +118,5 @@ def mix(first: Colour, second: Colour, share: float) -> Colour:
 
 
 def room_colour(room: int) -> Colour:
-    """The fill of the room with that id (1-based)."""
+    """The fill of the room with that id (1-based), unless a neighbour has it (`fills_of_rooms`)."""
     return ROOMS[(room - 1) % len(ROOMS)]

@@ -18,6 +18,7 @@ import numpy as np
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.dashboard import draw_dashboard, put_text
 from layoutexplore.drawing.palette import Image
+from layoutexplore.drawing.room_fills import fills_of_rooms
 from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
@@ -64,7 +65,7 @@ def draw_grid(grid: OccupancyGrid, *, scale: int = 1) -> Image:
 
 @checks_arguments
 def draw_plan(raster: PlanRaster, *, scale: int = 1) -> Image:
-    """A floor plan with its rooms in pale colours and its walls dark.
+    """A floor plan with its rooms in pale colours, neighbours in different ones, and its walls dark.
 
     Args:
         raster: What to draw.
@@ -73,12 +74,13 @@ def draw_plan(raster: PlanRaster, *, scale: int = 1) -> Image:
     Returns:
         uint8 (rows * scale, cols * scale, 3) RGB; the top row is the highest y.
     """
-    image = np.empty((*raster.shape, 3), np.uint8)
-    image[:] = palette.CANVAS
-    image[raster.free] = palette.FREE
-    rooms = raster.room_ids > 0
-    image[rooms] = np.array(palette.ROOMS, np.uint8)[(raster.room_ids[rooms] - 1) % len(palette.ROOMS)]
-    image[_walls(raster)] = palette.WALL
+    fills = fills_of_rooms(raster.room_ids, raster.resolution)
+    ground, wall = len(fills), len(fills) + 1
+    codes = np.maximum(raster.room_ids, 0).astype(np.int32)
+    codes[raster.occupied & (codes == 0)] = ground
+    codes[_walls(raster)] = wall
+    table = np.concatenate([fills, np.array([palette.CANVAS, palette.WALL], np.uint8)])
+    image = table.take(codes, axis=0)
     return _enlarge(image, scale)
 
 

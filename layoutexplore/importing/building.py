@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -9,14 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments
-from layoutexplore.grids.arrays import Ints32
+from layoutexplore.grids.arrays import Ints32, shows_shapes
 from layoutexplore.grids.grid import OccupancyGrid, Pose
-from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, IMAGE_SUFFIXES
+from layoutexplore.grids.ros_map import IMAGE_SUFFIXES
 from layoutexplore.importing.cleaning import without_noise
 from layoutexplore.importing.findings import resolution_for
 from layoutexplore.importing.pictures import PictureConfig, read_picture
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.maps.floorplan import Door, FloorPlan
+from layoutexplore.maps.image import said_scale
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.tracing import plan_from_raster
 
@@ -24,6 +26,7 @@ LEAST_DOOR = 0.25
 """Metres; where two rooms touch along less than this, a leak of the map joins them and no door."""
 
 
+@shows_shapes
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Building:
     """A user's building.
@@ -42,7 +45,9 @@ class Building:
 
 
 @checks_arguments
-def import_building(path: Path, config: PictureConfig | None = None, *, method: str = "default") -> Building:
+def import_building(
+    path: str | os.PathLike[str], config: PictureConfig | None = None, *, method: str = "default"
+) -> Building:
     """Read a map or a picture and find its rooms and doors.
 
     Args:
@@ -54,14 +59,14 @@ def import_building(path: Path, config: PictureConfig | None = None, *, method: 
         MapError: The picture cannot be read, or no room is found in it.
         UnknownNameError: There is no such method.
     """
+    path = Path(path)
     config = config or PictureConfig()
     grid = read_picture(path, config)
     if not grid.free.any():
         raise MapError(f"{path}: the map shows no free space")
     metadata = {"format": "image" if path.suffix.lower() in IMAGE_SUFFIXES else "ROS map"}
     if path.suffix.lower() in IMAGE_SUFFIXES:
-        said = "assumed: the image has no scale" if config.resolution is None else "as given"
-        metadata["scale"] = f"{config.resolution or DEFAULT_RESOLUTION:g} m a pixel ({said})"
+        metadata["scale"] = said_scale(config.resolution)
     return building_from_grid(grid, name=path.stem, method=method, metadata=metadata)
 
 

@@ -56,8 +56,12 @@ class Finding(NamedTuple):
 
 
 @checks_arguments
-def find_faults(plan: FloorPlan) -> list[Finding]:
+def find_faults(plan: FloorPlan, *, radius: float = ROBOT_RADIUS) -> list[Finding]:
     r"""What looks wrong in a floor plan: its scale first, then walls, floor out of reach, rooms, and doors.
+
+    Args:
+        plan: The floor plan.
+        radius: Of the robot that has to get everywhere, in metres.
 
     Example:
         >>> from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -65,7 +69,7 @@ def find_faults(plan: FloorPlan) -> list[Finding]:
         >>> [finding.kind for finding in find_faults(plan)]
         ['out of reach', 'no door', 'no door']
     """
-    return [*_scale(plan), *_missing_walls(plan), *_out_of_reach(plan), *_rooms(plan), *_doors(plan)]
+    return [*_scale(plan), *_missing_walls(plan), *_out_of_reach(plan, radius), *_rooms(plan), *_doors(plan)]
 
 
 def _scale(plan: FloorPlan) -> Iterator[Finding]:
@@ -120,10 +124,10 @@ def _missing_walls(plan: FloorPlan) -> Iterator[Finding]:
         )
 
 
-def _out_of_reach(plan: FloorPlan) -> Iterator[Finding]:
+def _out_of_reach(plan: FloorPlan, radius: float) -> Iterator[Finding]:
     resolution = resolution_for(plan)
     raster = plan.rasterize(resolution)
-    open_cells = (~raster.blocked(ROBOT_RADIUS)).astype(np.uint8)
+    open_cells = (~raster.blocked(radius)).astype(np.uint8)
     _, parts, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4, ltype=cv2.CV_32S)
     sizes = boxes[:, cv2.CC_STAT_AREA] * resolution**2
     sizes[0] = 0.0
@@ -135,7 +139,7 @@ def _out_of_reach(plan: FloorPlan) -> Iterator[Finding]:
         x, y = raster.cell_to_world(low + row, left + col)
         yield Finding(
             "out of reach",
-            f"{sizes[part]:.0f} m2 cannot be reached from the rest by a robot of {2 * ROBOT_RADIUS:g} m",
+            f"{sizes[part]:.0f} m2 cannot be reached from the rest by a robot {2 * radius:g} m wide",
             x,
             y,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -16,9 +17,20 @@ from layoutexplore.errors import (
 )
 from layoutexplore.grids.grid import OccupancyGrid, check_resolution
 from layoutexplore.grids.outside import without_outside
-from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, YAML_SUFFIXES, UnknownGrey, load_grid
+from layoutexplore.grids.ros_map import (
+    DEFAULT_RESOLUTION,
+    IMAGE_SUFFIXES,
+    YAML_SUFFIXES,
+    UnknownGrey,
+    load_grid,
+)
 from layoutexplore.grids.scale import metres_per_pixel
 from layoutexplore.layout.blueprint import BlueprintConfig, load_blueprint
+from layoutexplore.maps.formats.building_files import building_format
+from layoutexplore.maps.library import OWN_SCALE, SUFFIXES
+
+PLAN_SUFFIXES = tuple(suffix for suffix in SUFFIXES if suffix not in (*IMAGE_SUFFIXES, *YAML_SUFFIXES))
+"""Of files that hold floor plans and no pictures."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +38,8 @@ class PictureConfig:
     """What is said about a map or a picture of a plan.
 
     Attributes:
-        resolution: Metres a pixel of a plain image; 0.05 is assumed when None. A ROS map brings its own.
+        resolution: Metres a pixel of a plain image; 0.05 is assumed when None. A ROS map brings its own, and
+            takes none.
         blueprint: A drawn plan: words, symbols and door swings are erased, and only walls stay.
         unknown_grey: As for `load_grid`.
         image_anywhere: As for `load_grid`.
@@ -97,18 +110,28 @@ def picture_config(
 
 
 @checks_arguments
-def read_picture(path: Path, config: PictureConfig | None = None) -> OccupancyGrid:
+def read_picture(path: str | os.PathLike[str], config: PictureConfig | None = None) -> OccupancyGrid:
     """A map or a picture of a plan as a grid, its outside unknown.
 
     Raises:
-        MapError: It cannot be read, or shows no walls as a blueprint, or a ROS map is to be one.
+        MapError: It cannot be read, or shows no walls as a blueprint; a ROS map is to be one, or to have
+            another scale than its own; a floor plan is no picture.
 
     Warns:
         MapWarning: Words were not looked for: the OCR is not installed; and what `load_grid` warns of.
     """
+    path = Path(path)
     config = config or PictureConfig()
-    if config.blueprint and path.suffix.lower() in YAML_SUFFIXES:
+    suffix = path.suffix.lower()
+    if building_format(path) or suffix in PLAN_SUFFIXES:
+        raise MapError(
+            f"{path}: is a floor plan, no map or image: `layoutexplore maps show` and `layoutexplore maps "
+            "import` read it, as every command does that takes floor plans"
+        )
+    if config.blueprint and suffix in YAML_SUFFIXES:
         raise MapError(f"{path}: a ROS map is no blueprint; give the image itself and its scale")
+    if config.resolution is not None and suffix in YAML_SUFFIXES:
+        raise MapError(f"{path}: {OWN_SCALE}")
     if config.blueprint:
         return _read_blueprint(path, config.resolution or DEFAULT_RESOLUTION)
     grid = load_grid(

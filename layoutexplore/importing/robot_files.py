@@ -6,6 +6,7 @@ All of it is in the frame of the map that the robot knows: metres of the map's o
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.polygons import Point
 from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.importing.building import Building
+from layoutexplore.importing.openings import find_openings
 from layoutexplore.maps.floorplan import Room
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.sizes import windows
@@ -29,11 +31,17 @@ from layoutexplore.maps.sizes import windows
 OUTLINE_TOLERANCE = 0.1
 """Metres by which a simple outline may miss the cells."""
 
+ROBOT_FILES = ("map.yaml", "map.pgm", "rooms.geojson", "graph.json")
+"""What is written for a robot."""
+
+GOAL_RADIUS = 0.25
+"""Metres of a robot, for its goals, unless said otherwise."""
+
 CLEARANCE = 1.0
 """Metres to walls beyond which a goal is not better for being farther from them."""
 
 
-def room_goals(building: Building, *, radius: float = 0.25) -> dict[int, Point | None]:
+def room_goals(building: Building, *, radius: float = GOAL_RADIUS) -> dict[int, Point | None]:
     """A place in each room that a robot can reach and that is away from walls, in the world frame.
 
     Args:
@@ -72,49 +80,82 @@ def _goal_cell(places: Mask, clearance: np.ndarray[Any, Any], corner: tuple[int,
     return int(row), int(col)
 
 
-def room_graph(building: Building, *, radius: float = 0.25) -> dict[str, Any]:
-    """Rooms as nodes, with area, label and goal, and doors as edges, with place and width, for JSON."""
-    origin = building.grid.origin
+def room_graph(building: Building, *, radius: float = GOAL_RADIUS) -> dict[str, Any]:
+    """Rooms as nodes, with area, label and goal, and doors and other openings as edges, for JSON.
+
+    An edge has a place on the way and a width. Doors come first, in the plan's order, open or closed;
+    openings join what else the robot can walk between.
+    """
     goals = room_goals(building, radius=radius)
-    doors: dict[int, list[int]] = {}
-    for k, door in enumerate(building.plan.doors):
-        for number in set(door.rooms):
-            doors.setdefault(number, []).append(k)
+    edges = _door_edges(building)
+    edges += _opening_edges(building, radius, len(edges))
+    ways: dict[tuple[str, int], list[int]] = {}
+    for edge in edges:
+        for number in sorted(set(edge["rooms"])):
+            ways.setdefault((edge["kind"], number), []).append(edge["id"])
     nodes = [
         {
             "id": room.id,
             "label": room.label,
             "area": round(room.polygon.area, 2),
             "goal": goals[room.id],
-            "doors": doors.get(room.id, []),
+            "doors": ways.get(("door", room.id), []),
+            "openings": ways.get(("opening", room.id), []),
         }
         for room in building.plan.rooms
-    ]
-    edges = [
-        {
-            "id": k,
-            "rooms": list(door.rooms),
-            "place": _rounded(_turned(shapely.LineString([door.start, door.end]), origin).centroid.coords[0]),
-            "width": round(door.width, 2),
-            "open": door.is_open,
-        }
-        for k, door in enumerate(building.plan.doors)
     ]
     return {"frame": "map", "robot_radius": radius, "nodes": nodes, "edges": edges}
 
 
+def _door_edges(building: Building) -> list[dict[str, Any]]:
+    """An edge for every door of the plan, numbered as there."""
+    lines = [
+        _turned(shapely.LineString([door.start, door.end]), building.grid.origin)
+        for door in building.plan.doors
+    ]
+    return [
+        {
+            "id": k,
+            "kind": "door",
+            "rooms": list(door.rooms),
+            "place": _rounded(line.centroid.coords[0]),
+            "width": round(door.width, 2),
+            "open": door.is_open,
+        }
+        for k, (door, line) in enumerate(zip(building.plan.doors, lines, strict=True))
+    ]
+
+
+def _opening_edges(building: Building, radius: float, first: int) -> list[dict[str, Any]]:
+    """An edge for every other way between rooms, numbered from `first`."""
+    return [
+        {
+            "id": k,
+            "kind": "opening",
+            "rooms": list(opening.rooms),
+            "place": _rounded(building.grid.cell_to_world(*opening.cell)),
+            "width": round(opening.width, 2),
+            "open": True,
+        }
+        for k, opening in enumerate(find_openings(building, radius=radius), start=first)
+    ]
+
+
 @checks_arguments
-def write_robot_files(building: Building, folder: Path, *, radius: float = 0.25) -> list[Path]:
+def write_robot_files(
+    building: Building, folder: str | os.PathLike[str], *, radius: float = GOAL_RADIUS
+) -> list[Path]:
     """Write map.yaml with map.pgm, rooms.geojson (outlines, doors, goals) and graph.json; the files written.
 
     Args:
         building: The building.
         folder: Where the files go.
-        radius: Of the robot, in metres, for the goals.
+        radius: Of the robot, in metres, for the goals and what it can walk between.
 
     Raises:
         WriteError: A file cannot be written.
     """
+    folder = Path(folder)
     save_grid(building.grid, folder / "map.yaml")
     graph = room_graph(building, radius=radius)
     write_json(folder / "graph.json", graph)
@@ -127,12 +168,17 @@ def write_robot_files(building: Building, folder: Path, *, radius: float = 0.25)
         for node in graph["nodes"]
         if node["goal"]
     ]
-    for edge, door in zip(graph["edges"], building.plan.doors, strict=True):
-        line = _turned(shapely.LineString([door.start, door.end]), origin)
-        features.append(_feature(line, "door", id=edge["id"], rooms=edge["rooms"], width=edge["width"]))
+    for edge in graph["edges"]:
+        shape: BaseGeometry = shapely.Point(edge["place"])
+        if edge["kind"] == "door":
+            door = building.plan.doors[edge["id"]]
+            shape = _turned(shapely.LineString([door.start, door.end]), origin)
+        features.append(
+            _feature(shape, edge["kind"], id=edge["id"], rooms=edge["rooms"], width=edge["width"])
+        )
     collection = {"type": "FeatureCollection", "features": features}
     write_atomically(folder / "rooms.geojson", json.dumps(collection) + "\n")
-    return [folder / name for name in ("map.yaml", "map.pgm", "rooms.geojson", "graph.json")]
+    return [folder / name for name in ROBOT_FILES]
 
 
 def _outline(room: Room, origin: Pose) -> BaseGeometry:

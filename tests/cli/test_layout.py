@@ -85,8 +85,38 @@ def test_layout_prints_a_line_a_map_and_refuses_equal_names(tmp_path: Path) -> N
     maps = [str(tmp_path / f"{n}.png") for n in ("a", "b")]
     result = runner.invoke(app, ["layout", *maps, "--out", str(tmp_path), "-m", "distance"])
     assert result.exit_code == 0 and len(result.output.strip().splitlines()) == 2
+    assert result.output.count("0.05 m a pixel (assumed: the image has no scale)") == 2
     again = runner.invoke(app, ["layout", maps[0], maps[0], "--out", str(tmp_path)])
     assert isinstance(again.exception, ConfigError)
+    # Its own results are made anew; room numbers that are somebody's own, or a map, are not written over.
+    words = ["layout", maps[0], "--out", str(tmp_path), "-m", "distance"]
+    assert runner.invoke(app, [*words, "--resolution", "0.1"]).output.count("0.1 m a pixel (as given)") == 1
+    labels = tmp_path / "a_labels.png"
+    (tmp_path / "a_gt.png").unlink()
+    for case in ([*words, str(labels)], words):
+        result = runner.invoke(app, case)
+        assert isinstance(result.exception, ConfigError) and "a_labels.png is read" in str(result.exception)
+        (tmp_path / "a_layout.geojson").unlink(missing_ok=True)
+
+
+def test_results_of_maps_of_one_name_are_called_by_their_folders_too(tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        draw(tmp_path / name, "map")
+    maps = [str(tmp_path / name / "map.png") for name in ("one", "two")]
+    result = runner.invoke(app, ["layout", *maps, "--out", str(tmp_path / "out"), "-m", "distance"])
+    assert result.exit_code == 0, result.output
+    names = {path.name for path in (tmp_path / "out").glob("*_labels.png")}
+    assert names == {"one_map_labels.png", "two_map_labels.png"}
+
+
+def test_what_is_no_map_is_told_what_reads_it(tmp_path: Path) -> None:
+    (tmp_path / "school.xml").write_text("<Floor/>")
+    result = runner.invoke(app, ["layout", str(tmp_path / "school.xml"), "--out", str(tmp_path)])
+    assert result.exit_code == 2 and "is a floor plan, no map or image: `layoutexplore maps" in result.stderr
+    draw(tmp_path, "a")
+    result = runner.invoke(app, ["layout", str(tmp_path / "a.png"), "--out", str(tmp_path / "k_labels.png")])
+    assert isinstance(result.exception, ConfigError) and "must name a folder" in str(result.exception)
 
 
 def test_a_broken_map_does_not_keep_the_others_from_being_done(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from layoutexplore.errors import ConfigError, LayoutExploreError, MapWarning, UnknownNameError
+from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, MapWarning, UnknownNameError
 from layoutexplore.maps import expand_plans, load_plan
 from layoutexplore.maps.geojson import save_plan
 from tests.importing.cases import office, write_ros_map
@@ -96,9 +96,79 @@ def test_what_is_imported_is_never_written_over(tmp_path: Path) -> None:
         assert code == 0 and "plan_imported.png" in text and image.read_bytes() == before
     assert "drawn into" in invoke("import", str(plan), "--out", str(plan))[1]
     assert image.read_bytes() == before
-    with pytest.raises(ConfigError, match=r"plan\.png is what is imported: --out"):
+    with pytest.raises(ConfigError, match=r"plan\.png is read and would be written over: --out"):
         invoke("import", str(image), "--out", str(image))
     assert image.read_bytes() == before
+
+
+def ros_map(folder: Path, suffix: str) -> Path:
+    """A map.yaml and its image, as robots and runs call theirs."""
+    source = write_ros_map(folder, office())
+    (folder / "floor.pgm").unlink()
+    cv2.imwrite(str(folder / f"map{suffix}"), office())
+    (folder / "map.yaml").write_text(source.read_text().replace("floor.pgm", f"map{suffix}"))
+    source.unlink()
+    return folder / "map.yaml"
+
+
+def test_the_files_of_a_ros_map_are_never_written_over(tmp_path: Path) -> None:
+    source = ros_map(tmp_path, ".pgm")
+    (tmp_path / "link.geojson").symlink_to(source.with_suffix(".pgm"))
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    for out in (source, source.with_suffix(".pgm"), tmp_path / "link.geojson"):
+        with pytest.raises(ConfigError, match="would be written over: --out"):
+            invoke("import", str(source), "--out", str(out))
+    with pytest.raises(ConfigError, match="would be written over: --robot"):
+        invoke("import", str(source), "--out", str(tmp_path / "x.geojson"), "--robot", str(tmp_path))
+    with pytest.raises(ConfigError, match="would be written over: --out"):
+        invoke("show", str(source), "--out", str(source.with_suffix(".pgm")))
+    from layoutexplore.cli import app as whole
+
+    result = CliRunner().invoke(whole, ["explore", str(source), "--out", str(tmp_path)])
+    assert isinstance(result.exception, ConfigError) and "map.yaml is read" in str(result.exception)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_a_picture_of_a_plan_spares_the_image_that_is_read(tmp_path: Path) -> None:
+    source, image = ros_map(tmp_path, ".png"), tmp_path / "map.png"
+    before = image.read_bytes()
+    save_plan(load_plan("apartment-01"), tmp_path / "map.geojson")  # as if map.png were its picture
+    code, text = invoke("import", str(source), "--out", str(tmp_path / "map.geojson"))
+    assert code == 0 and "map_imported.png" in text and image.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("words", "ending"),
+    [
+        (("import", "apartment-01", "--out", "out.txt"), r"\.geojson or \.json"),
+        (("generate", "office", "--out", "k.pgm"), r"\.geojson or \.json"),
+        (("show", "office-01", "--out", "k.yaml"), r"\.png"),
+        (("show", "office-01", "--out", "k.jpg"), r"\.png"),
+    ],
+)
+def test_files_have_the_suffix_of_what_they_are(
+    words: tuple[str, ...], ending: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ConfigError, match=f"--out must name a file that ends with {ending}$"):
+        invoke(*words)
+    assert not list(tmp_path.iterdir())
+
+
+def test_options_that_mean_nothing_are_told(tmp_path: Path) -> None:
+    source, out = write_ros_map(tmp_path, office()), str(tmp_path / "out.geojson")
+    for words in (["--resolution", "0.2"], ["--scale-by", "1 m = 5 px"]):
+        with pytest.raises(MapError, match="brings its own scale"):
+            invoke("import", str(source), *words, "--out", out)
+    with pytest.raises(ConfigError, match="--rooms, which finds them, means nothing"):
+        invoke("import", str(write_houseexpo(tmp_path)), "--rooms", "rose2", "--out", out)
+
+
+def test_findings_are_of_the_robot_that_is_said(tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "map.png"), office())
+    words = ["import", str(tmp_path / "map.png"), "--out", str(tmp_path / "map.geojson")]
+    assert "by a robot 1.2 m wide" in invoke(*words, "--robot-radius", "0.6")[1]
+    assert "out of reach" not in invoke(*words)[1]
 
 
 def test_what_to_correct_is_listed_with_its_place(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -34,6 +35,8 @@ def test_a_run_with_a_prior_plan_draws_it(tmp_path: Path) -> None:
     result = runner.invoke(app, words)
     assert result.exit_code == 0, result.output
     assert list(out.glob("prior_*.png")) and "prior:apartment-01" in result.output
+    line = next(line for line in result.output.splitlines() if line.startswith("prior plan"))
+    assert re.search(r"believed at \d+ % of \d+ decisions, confidence [01]\.\d\d at the end", line)
 
 
 def test_a_plan_that_tells_nothing_is_named(tmp_path: Path) -> None:

@@ -16,12 +16,34 @@ def test_films_are_written(tmp_path: Path, suffix: str) -> None:
     import imageio.v2 as imageio
 
     path = tmp_path / "deep" / f"film{suffix}"
-    with Film(path, fps=8) as film:
+    with Film(str(path), fps=8) as film:
         for k in range(4):
             film.add(np.full((64, 96, 3), 60 * k, np.uint8))
     frames = imageio.mimread(path)
     assert len(frames) >= 4 and frames[0].shape[:2] == (64, 96)
     assert [p.name for p in path.parent.iterdir()] == [path.name]
+
+
+def test_frames_of_a_gif_come_back_as_they_were_and_do_not_pile_up(tmp_path: Path) -> None:
+    import tracemalloc
+
+    import imageio.v3 as imageio
+
+    path, taken = tmp_path / "film.gif", list[int]()
+    picture = np.zeros((200, 300, 3), np.uint8)
+    tracemalloc.start()
+    with Film(path, fps=12) as film:
+        for k in range(40):
+            if k % 5:  # every fifth frame is the one before
+                picture[4 * k : 4 * k + 9, 7 * k : 7 * k + 12] = (6 * k, 255 - 5 * k, 40)
+            film.add(picture)
+            taken.append(tracemalloc.get_traced_memory()[0])
+    tracemalloc.stop()
+    assert taken[-1] - taken[9] < picture.nbytes
+    found = imageio.imread(path, index=None)
+    assert len(found) == 40 + round(1.5 * 12)
+    assert np.abs(found[39].astype(int) - picture).max() <= 4
+    assert imageio.immeta(path, index=1)["duration"] == pytest.approx(1000 / 12, abs=10)
 
 
 def test_a_film_that_breaks_leaves_nothing(tmp_path: Path) -> None:
