@@ -101,7 +101,7 @@ def foresight_table(scores: Sequence[ForesightScore]) -> str:
         "|---|---|---|---|---|---|---|---|",
     ]
     for s in scores:
-        d95, d99 = (f"{w.estimate:.2f} ({w.low:.2f}-{w.high:.2f})" for w in (s.d95, s.d99))
+        d95, d99 = (f"{w:.2f}" for w in (s.d95, s.d99))
         lines.append(
             f"| {s.sensor} | `{s.predictor}` | {s.cells} | {s.buildings} | {d95} | {d99} | {s.reached:.0%} "
             f"| {s.ms:.0f} |"

@@ -13,6 +13,7 @@ References:
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -36,11 +37,21 @@ WeightedStatistic = Callable[[Floats, Floats], Floats]
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate with its confidence interval; the ends are NaN where there are fewer than two clusters."""
+    """An estimate with its confidence interval; the ends are NaN where there are fewer than two clusters.
+
+    Example:
+        >>> f"{Interval(0.861, 0.82, 0.9):.2f}, {Interval(0.9, math.nan, math.nan):.2f}"
+        '0.86 (0.82-0.90), 0.90'
+    """
 
     estimate: float
     low: float
     high: float
+
+    def __format__(self, spec: str) -> str:
+        """Each number by the format of one; the estimate alone where there is no interval."""
+        ends = f" ({self.low:{spec}}-{self.high:{spec}})" if math.isfinite(self.low) else ""
+        return f"{self.estimate:{spec}}{ends}"
 
     def map(self, function: Callable[[float], float]) -> Interval:
         """The interval under a rising function, such as `math.exp`."""

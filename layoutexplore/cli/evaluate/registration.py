@@ -58,7 +58,7 @@ def registration(
         "|---|---|---|---|---|---|---|---|",
     ]
     for s in score_registrations(rows, SURE):
-        interval = f"{s.right.estimate:.2f} ({s.right.low:.2f}-{s.right.high:.2f})"
+        interval = f"{s.right:.2f}"
         error = f"{s.error:.2f}" if s.error < 1e6 else "-"
         wrongly = f"{s.wrongly:.2f}"
         if s.kind == UNPLACED:

@@ -72,8 +72,7 @@ def robustness(
     for line in found:
         typer.echo(
             f"{line.agent:<16} {line.level:<7} saw 99 %: {line.reached:6.1%} of {line.runs}  to 95 %: "
-            f"{line.d95.estimate:.2f} ({line.d95.low:.2f}-{line.d95.high:.2f})  "
-            f"to 99 %: {line.d99.estimate:.2f}"
+            f"{line.d95:.2f}  to 99 %: {line.d99.estimate:.2f}"
         )
     typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
 
