@@ -133,7 +133,8 @@ def read_picture(path: str | os.PathLike[str], config: PictureConfig | None = No
     if config.resolution is not None and suffix in YAML_SUFFIXES:
         raise MapError(f"{path}: {OWN_SCALE}")
     if config.blueprint:
-        return _read_blueprint(path, config.resolution or DEFAULT_RESOLUTION)
+        read = BlueprintConfig(keep_outside=config.keep_outside)
+        return _read_blueprint(path, config.resolution or DEFAULT_RESOLUTION, read)
     grid = load_grid(
         path,
         resolution=config.resolution,
@@ -143,10 +144,10 @@ def read_picture(path: str | os.PathLike[str], config: PictureConfig | None = No
     return grid if config.keep_outside else without_outside(grid)
 
 
-def _read_blueprint(path: Path, resolution: float) -> OccupancyGrid:
+def _read_blueprint(path: Path, resolution: float, config: BlueprintConfig) -> OccupancyGrid:
     """The blueprint; without the OCR, words are told from walls by their size alone."""
     try:
-        return load_blueprint(path, resolution=resolution)
+        return load_blueprint(path, resolution=resolution, config=config)
     except MissingExtraError as error:
         warnings.warn(f"{path}: words are erased by their size alone: {error}", MapWarning, stacklevel=3)
-        return load_blueprint(path, resolution=resolution, config=replace(BlueprintConfig(), words=False))
+        return load_blueprint(path, resolution=resolution, config=replace(config, words=False))

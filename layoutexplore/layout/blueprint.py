@@ -53,6 +53,7 @@ class BlueprintConfig:
         tint: Dark boxes of up to that height with this colourfulness (0..1, channels' range over the
             brightest, on average) are symbols as well, even when they touch walls.
         opening: Gaps up to this width in the outer walls are closed before the outside is filled.
+        keep_outside: The outside is free as well, for buildings with wider gaps.
         template_match: Least normalised correlation of a template.
     """
 
@@ -66,6 +67,7 @@ class BlueprintConfig:
     tint: float = 0.25
     symbol_size: float = 1.5
     opening: float = 3.0
+    keep_outside: bool = False
     template_match: float = 0.8
 
     def __post_init__(self) -> None:
@@ -153,8 +155,9 @@ def grid_from_blueprint(
             "the blueprint shows no walls: see darkness, saturation and wall_width of BlueprintConfig"
         )
     # A gate may be drawn as a thin line: no wall, but no way out either.
-    outside = find_outside(walls | lines, resolution, opening=config.opening)
-    cells = np.where(walls, OCCUPIED, np.where(outside, UNKNOWN, FREE)).astype(np.int8)
+    cells = np.where(walls, OCCUPIED, FREE).astype(np.int8)
+    if not config.keep_outside:
+        cells[find_outside(walls | lines, resolution, opening=config.opening) & ~walls] = UNKNOWN
     return OccupancyGrid(np.ascontiguousarray(cells[::-1]), resolution, Pose(0.0, 0.0, 0.0))
 
 

@@ -56,5 +56,7 @@ def test_a_blueprint_is_read_without_its_ocr(tmp_path: Path, monkeypatch: pytest
     cv2.imwrite(str(tmp_path / "plan.png"), office(unknown=255, free=255))
     with pytest.warns(MapWarning, match="words are erased by their size"):
         grid = read_picture(tmp_path / "plan.png", PictureConfig(blueprint=True))
+        kept = read_picture(tmp_path / "plan.png", PictureConfig(blueprint=True, keep_outside=True))
     assert grid.unknown[0, 0] and grid.free[100, 60]
+    assert kept.free[0, 0] and np.array_equal(kept.occupied, grid.occupied)
     assert np.isclose(grid.resolution, 0.05)
