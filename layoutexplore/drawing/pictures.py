@@ -98,7 +98,7 @@ def draw_state(
 
     The grid, what a predictor takes for the rest of rooms (strong where it is right), the frontiers with
     their viewpoints (in the colours of their classes), the path travelled (the older the paler), the robot
-    with what it sees, and below them a bar with the plan, the agent, the coverage and its curve over the
+    with what it sees, the region to which it keeps, if there is one, and below them a bar with the plan, the agent, the coverage and its curve over the
     distance.
 
     Args:
@@ -127,6 +127,7 @@ def draw_state(
         simulation.raster.shape, (width, height - bar), simulation.raster.resolution, simulation.raster.origin
     )
     image = view.place(_colours().take(_map_codes(simulation, decision, view.scale, truth), axis=0))
+    _draw_region(image, view, simulation)
     _draw_sight(image, view, simulation)
     _draw_track(image, view, simulation.track)
     if decision is not None and decision.frontiers:
@@ -249,6 +250,18 @@ def _map_codes(simulation: Simulation, decision: Decision | None, scale: float, 
 def _class_of(frontier: Frontier) -> int:
     """0 for a frontier without a class, 1 for a closed one, 2 for an open one."""
     return 0 if frontier.is_closed is None else 1 if frontier.is_closed else 2
+
+
+def _draw_region(image: Image, view: _View, simulation: Simulation) -> None:
+    """The outline of the region that is explored, if it is a part; what lies outside of it is paler."""
+    if simulation.config.region is None:
+        return
+    corners = view.fixed(np.array(simulation.config.region, np.float64))
+    outside = np.full(image.shape[:2], 255, np.uint8)
+    cv2.fillPoly(outside, [corners], 0, shift=_SHIFT)
+    pale = outside > 0
+    image[pale] = (image[pale].astype(np.uint16) + 2 * np.array(palette.CANVAS, np.uint16)) // 3
+    cv2.polylines(image, [corners], True, palette.GREY, 2, cv2.LINE_AA, _SHIFT)
 
 
 def _draw_sight(image: Image, view: _View, simulation: Simulation) -> None:

@@ -189,6 +189,17 @@ def test_noise_does_not_touch_the_picture_or_the_run(plan: FloorPlan) -> None:
     np.testing.assert_array_equal(watched.mapper.grid.cells, alone.mapper.grid.cells)
 
 
+def test_what_lies_outside_of_the_region_is_pale(plan: FloorPlan) -> None:
+    (x0, y0, x1, y1), walls = plan.bounds, []
+    for right in (None, x1 + 9, (x0 + x1) / 2):
+        corners = ((x0 - 9, y0 - 9), (right, y0 - 9), (right, y1 + 9), (x0 - 9, y1 + 9))
+        simulation = run(plan, region=None if right is None else corners)
+        frame = draw_state(simulation, frontiers=False)
+        height, width = frame.shape[:2]
+        walls.append(count(frame[: height // 2, width // 2 + 4 :], palette.WALL))
+    assert walls[0] == walls[1] > walls[2] == 0
+
+
 def test_text_shows_walls_robot_and_frontiers(plan: FloorPlan) -> None:
     simulation = run(plan, steps=1)
     text = draw_text(simulation)
