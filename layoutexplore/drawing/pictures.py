@@ -98,8 +98,8 @@ def draw_state(
 
     The grid, what a predictor takes for the rest of rooms (strong where it is right), the frontiers with
     their viewpoints (in the colours of their classes), the path travelled (the older the paler), the robot
-    with what it sees, the region to which it keeps, if there is one, and below them a bar with the plan, the agent, the coverage and its curve over the
-    distance.
+    with what it sees, the region to which it keeps, if there is one, and below them a bar with the plan, the
+    agent, the coverage and its curve over the distance.
 
     Args:
         simulation: A simulation that has been reset.
