@@ -261,9 +261,9 @@ def configure(simulation: SimulationConfig | None, **overrides: Any) -> Simulati
 
 
 def _predictor(given: object) -> Predictor | None:
-    """What was given as a predictor, a name or what has `rooms(decision)`, as one."""
-    if given is None or (callable(getattr(given, "predict", None)) and not isinstance(given, type)):
-        return cast("Predictor | None", given)
+    """What was given as a predictor, a name or what has `rooms(decision)` or `predict(decision)`, as one."""
+    if given is None:
+        return None
     from layoutexplore.predictors import make_predictor
 
     return make_predictor(given)

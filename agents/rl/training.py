@@ -11,7 +11,6 @@ import os
 import time
 from collections.abc import Mapping
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -64,7 +63,6 @@ class Run(TrainingRun):
         resume: bool,
         watcher: Watcher,
     ) -> None:
-        folder = Path(folder)
         super().__init__(config, folder, FILE, device=device, resume=resume, watcher=watcher)
         self._spec = spec_of(config) if config.chooses_frontiers else None
         self.envs = make_envs(config)
@@ -72,7 +70,7 @@ class Run(TrainingRun):
             self.model = build(config, self.envs, self._spec, device)
             self.progress = Progress(type(self.model).__name__)
             if resume:
-                self.progress = load_checkpoint(folder, self.model)
+                self.progress = load_checkpoint(self.folder, self.model)
         except BaseException:
             self.envs.close()
             raise

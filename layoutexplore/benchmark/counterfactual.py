@@ -29,7 +29,7 @@ from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import Cell, OccupancyGrid
 from layoutexplore.planning.shortest_paths import distance_matrix
 from layoutexplore.predictors import OraclePredictor
-from layoutexplore.simulation.episode import TimedPredictor
+from layoutexplore.simulation.episode import untimed
 from layoutexplore.simulation.simulation import Simulation
 
 LOG = (
@@ -149,8 +149,7 @@ class CounterfactualRollouts:
     def __init__(self, simulation: Simulation) -> None:
         self.seconds = 0.0
         self._simulation = simulation
-        timed = simulation.predictor
-        inner = timed.inner if isinstance(timed, TimedPredictor) else timed
+        inner = untimed(simulation.predictor)
         # Less foresight than the agent has had would change its choice, however right its predictor is.
         self._oracle = OraclePredictor(horizon=inner.horizon if isinstance(inner, OraclePredictor) else 0.0)
         self._oracle.reveal(simulation.truth)

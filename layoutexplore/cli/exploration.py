@@ -105,8 +105,9 @@ class RunWatcher:
 def prior_of(state: Simulation) -> PriorPredictor | None:
     """The predictor of a run that has a plan known beforehand; None where there is none."""
     from layoutexplore.predictors.prior_plan import PriorPredictor
+    from layoutexplore.simulation.episode import untimed
 
-    predictor: object = getattr(state.predictor, "inner", state.predictor)
+    predictor = untimed(state.predictor)
     return predictor if isinstance(predictor, PriorPredictor) else None
 
 

@@ -7,7 +7,6 @@ a function that builds it from its name and options, and these options with thei
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import importlib
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
 
 from layoutexplore.errors import ConfigError, OwnCodeError, shortened, unknown_name
+from layoutexplore.files.reading import fingerprint, is_file
 from layoutexplore.options import check_kind, format_spec, format_value, parse_options
 from layoutexplore.plugins.code_digest import digest_of
 from layoutexplore.plugins.docstrings import meanings
@@ -275,15 +275,13 @@ class Registry(Generic[T]):
 
 
 def _digest_of_named_files(options: Any) -> str:
-    """12 hexadecimal digits that change with the files that options name, weights as a rule; or nothing."""
+    """The fingerprint of the files that options name, weights as a rule, behind a space; or nothing."""
     values = [getattr(options, field.name) for field in dataclasses.fields(options)]
-    digests = []
-    for value in values:
-        with suppress(OSError, ValueError):  # no path, or none that may be read
-            if isinstance(value, str) and value and Path(value).is_file():
-                with Path(value).open("rb") as file:
-                    digests.append(hashlib.file_digest(file, "sha256").hexdigest())
-    return f" {hashlib.sha256(''.join(digests).encode()).hexdigest()[:12]}" if digests else ""
+    paths = [Path(value) for value in values if isinstance(value, str) and value]
+    with suppress(OSError):  # there, but not to be read: the user's code will say so
+        files = [path for path in paths if is_file(path)]
+        return f" {fingerprint(files)}" if files else ""
+    return ""
 
 
 def _of(thing: Any) -> str:

@@ -85,6 +85,11 @@ class TimedPredictor:
         return completed
 
 
+def untimed(predictor: Predictor | None) -> Predictor | None:
+    """The predictor itself, where its time is measured."""
+    return predictor.inner if isinstance(predictor, TimedPredictor) else predictor
+
+
 def play(
     simulation: Simulation,
     agent: Agent,

@@ -98,7 +98,6 @@ class SearchRun(TrainingRun):
         resume: bool,
         watcher: Watcher,
     ) -> None:
-        folder = Path(folder)
         super().__init__(config, folder, EXPLORATIONS, device=device, resume=resume, watcher=watcher)
         assert config.search is not None
         self.search = config.search
@@ -108,8 +107,8 @@ class SearchRun(TrainingRun):
         self._centres = [np.zeros(len(PARAMETERS))]
         PlanSource(plan_source(config))  # What cannot be explored is told before anything is written.
         if resume:
-            self.explorations = read_explorations(folder / EXPLORATIONS, self.members)
-            self.evaluations = read_evaluations(folder / EVALUATIONS, self.steps)
+            self.explorations = read_explorations(self.folder / EXPLORATIONS, self.members)
+            self.evaluations = read_evaluations(self.folder / EVALUATIONS, self.steps)
         else:
             self.begin_folder()
         self._rewrite()
