@@ -14,7 +14,7 @@ from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.frontiers.tour_features import MOST_AREA
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, Words
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell
-from layoutexplore.grids.morphology import grow, inflate
+from layoutexplore.grids.morphology import borders_unknown, grow, inflate
 from layoutexplore.grids.rays import is_free_line
 from layoutexplore.maps.raster import SIGHT_BEYOND_REACH
 from layoutexplore.planning.shortest_paths import geodesic_distances
@@ -157,18 +157,11 @@ def reachable_from(here: Cell, cells: Cells, radius: float, resolution: float) -
 @njit(cache=True, nogil=True)
 def _unforeseen_share(cells: Cells, members: Ints32, offsets: Ints) -> Floats:
     """Of each frontier the share of cells beside which something is neither known nor foreseen."""
-    rows, cols = cells.shape
     share = np.zeros(len(offsets) - 1)
     for k in range(len(share)):
         count = 0
         for n in range(offsets[k], offsets[k + 1]):
-            r, c = members[n, 0], members[n, 1]
-            count += (
-                (r > 0 and cells[r - 1, c] == -1)
-                or (r + 1 < rows and cells[r + 1, c] == -1)
-                or (c > 0 and cells[r, c - 1] == -1)
-                or (c + 1 < cols and cells[r, c + 1] == -1)
-            )
+            count += borders_unknown(cells, members[n, 0], members[n, 1])
         share[k] = count / max(1, offsets[k + 1] - offsets[k])
     return share
 

@@ -12,7 +12,7 @@ from layoutexplore.agents.base import Heuristic, register
 from layoutexplore.agents.greedy import GreedyOptions
 from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.tour_features import sizeable_frontiers, tour_weights
-from layoutexplore.grids.arrays import Ints
+from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.options import option
 from layoutexplore.planning.latency_tours import latency_tour
 from layoutexplore.planning.tours import open_tour
@@ -67,20 +67,24 @@ def plan_tour(decision: Decision, chosen: Ints) -> Ints:
     return chosen[order - 1]
 
 
-def plan_latency_tour(decision: Decision, chosen: Ints, patience: float) -> Ints:
+def plan_latency_tour(
+    decision: Decision, chosen: Ints, patience: float, weights: Floats | None = None
+) -> Ints:
     """An open tour from the robot over some viewpoints, weighed by the unknown area in view from there.
 
     Args:
         decision: The decision.
         chosen: int64 (k,), indices of the frontiers to visit.
         patience: Weight of the tour's length; see `layoutexplore.planning.latency_tours`.
+        weights: float64 (k,), other weights of the frontiers.
 
     Returns:
         int64 (k,): the same indices in the order of the visit.
     """
     if len(chosen) < 2:
         return chosen
-    return chosen[latency_tour(decision.path_lengths(chosen), tour_weights(decision, chosen), patience) - 1]
+    weights = tour_weights(decision, chosen) if weights is None else weights
+    return chosen[latency_tour(decision.path_lengths(chosen), weights, patience) - 1]
 
 
 register("tour", "the first frontier of a short tour over all of 1.0 m and more", Tour, TourOptions())

@@ -19,11 +19,11 @@ import numpy as np
 from layoutexplore.agents.base import register
 from layoutexplore.agents.looking_around import LookingAround
 from layoutexplore.agents.room_aware import LookingTour, RoomAwareTourOptions
+from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.tour_features import ready_frontiers, tour_weights
 from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.options import option
-from layoutexplore.planning.latency_tours import latency_tour
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +51,8 @@ class WatchfulTour(LookingTour[WatchfulTourOptions]):
         ready = ready_frontiers(decision, self.options.min_size, self.options.area)
         if len(ready) < 2:
             return int(ready[0])
-        lengths, weights = decision.path_lengths(ready), promised_areas(decision, ready)
-        return int(ready[latency_tour(lengths, weights, self.options.patience)[0] - 1])
+        weights = promised_areas(decision, ready)
+        return int(plan_latency_tour(decision, ready, self.options.patience, weights)[0])
 
 
 def promised_areas(decision: Decision, chosen: Ints) -> Floats:

@@ -17,6 +17,7 @@ from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.grids.morphology import borders_unknown
 
 CHANNELS = ("free", "occupied", "frontier", "trail")
 """Free floor (share of the pixel), then 255 where a pixel holds an occupied, frontier or visited cell."""
@@ -181,7 +182,7 @@ def _draw_local(cells: Cells, marks: Bytes, view: _View, detect: bool, image: By
                         bits[j] |= marks[r, c]
                         if value == 0:
                             free[j] += 1
-                            if detect and _borders_unknown(cells, r, c):
+                            if detect and borders_unknown(cells, r, c):
                                 bits[j] |= FRONTIER
                         elif value == 100:
                             image[1, i, j] = 255
@@ -193,18 +194,6 @@ def _draw_local(cells: Cells, marks: Bytes, view: _View, detect: bool, image: By
                 for channel in range(FIRST_MARK, channels):
                     if bits[j] & (1 << (channel - FIRST_MARK)):
                         image[channel, i, j] = 255
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _borders_unknown(cells: Cells, row: int, col: int) -> bool:
-    """Whether one of the four neighbours is unknown."""
-    rows, cols = cells.shape
-    return bool(
-        (row > 0 and cells[row - 1, col] == -1)
-        or (row + 1 < rows and cells[row + 1, col] == -1)
-        or (col > 0 and cells[row, col - 1] == -1)
-        or (col + 1 < cols and cells[row, col + 1] == -1)
-    )
 
 
 @njit(cache=True, nogil=True)

@@ -22,6 +22,7 @@ from layoutexplore.grids.arrays import Floats32
 from layoutexplore.options import Rule, check, check_kind
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.simulation import Simulation
 
 ACTIONS = ("discrete", "continuous")
 
@@ -218,18 +219,19 @@ class MotionEnv(ExplorationEnv[Any]):
             ((self.motion.forward, 0.0), (0.0, turn), (0.0, -turn)) if actions == "discrete" else None
         )
         self._sensor: Lidar | None = None
+        self._sensor_of: Simulation | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode; `options` may set the `plan` and the `start` (x, y[, theta])."""
-        previous = self._simulation
         self._begin(seed, options)
         simulation = self.simulation
-        if self._sensor is None or simulation is not previous:
+        if self._sensor is None or simulation is not self._sensor_of:
             raster = simulation.raster
             beams = replace(simulation.lidar.config, beams=self.motion.scan_beams)
             self._sensor = Lidar(beams, raster.occupied, raster.resolution, raster.origin)
+            self._sensor_of = simulation
         self._rng = np.random.default_rng(self._simulation_seed)
         self._trail = Trail(simulation.mapper.grid)
         self._steps_left = self._max_steps or math.ceil(4 * simulation.max_distance / self.motion.forward)

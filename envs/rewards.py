@@ -97,9 +97,10 @@ class PathToMarks:
     """Minus the metres travelled before 95 and 99 % coverage, as shares of the reference.
 
     The return of an episode is -(weight_95 d95 + weight_99 d99) / reference: the two lengths that the
-    benchmark reports. The step that crosses a threshold is charged only for the metres up to it. Who gives up
-    (stops, or acts invalidly until the episode is cut off) pays for a threshold not reached as if the rest of
-    the budget had been walked.
+    benchmark reports, but for runs that end without a frontier before a threshold, as noise can make them:
+    the benchmark charges them the budget, the return the metres they have walked. The step that crosses a
+    threshold is charged only for the metres up to it. Who gives up (stops, or acts invalidly until the
+    episode is cut off) pays for a threshold not reached as if the rest of the budget had been walked.
 
     Attributes:
         weight_95: What a metre before 95 % costs.

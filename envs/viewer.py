@@ -110,10 +110,9 @@ def draw_text(simulation: Simulation, *, columns: int = 100, frontiers: bool = T
     blocks = np.maximum.reduceat(blocks, range(0, ranks.shape[1], wide), axis=1)
     letters = np.array(list(_GLYPHS))[blocks]
     pose = simulation.robot.believed
-    row, col = simulation.mapper.grid.world_to_cell(pose.x, pose.y)
-    letters[(row - rows[0]) // high, (col - cols[0]) // wide] = _HEADINGS[
-        round(pose.theta / (math.pi / 2)) % 4
-    ]
+    here = simulation.mapper.grid.nearest_cell(pose.x, pose.y)
+    row, col = np.clip(here, (rows[0], cols[0]), (rows[-1], cols[-1])) - (rows[0], cols[0])
+    letters[row // high, col // wide] = _HEADINGS[round(pose.theta / (math.pi / 2)) % 4]
     state = simulation.stop_reason or "exploring"
     seen = f"{100 * simulation.coverage:.1f} % seen, {simulation.distance:.1f} m"
     head = f"{simulation.plan.name}: {seen}, {state}"

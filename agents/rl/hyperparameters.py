@@ -366,7 +366,8 @@ def merge(defaults: Mapping[str, Any], changes: Mapping[str, Any], where: str) -
             raise unknown_name(f"hyper-parameter {where}:", key, merged)
         old = merged[key]
         if isinstance(old, dict) and isinstance(value, dict):
-            merged[key] = merge(old, value, f"{where} [{key}]")
+            # An empty table of the defaults is open: who reads it knows its keys.
+            merged[key] = merge(old, value, f"{where} [{key}]") if old else value
         else:
             plain = rule_like(old).convert(f"{key} {where}", value)
             merged[key] = type(old)(plain)

@@ -138,6 +138,7 @@ class Run(TrainingRun):
             int(np.random.SeedSequence([config.seed, progress.steps]).generate_state(1)[0] >> 1)
         )
         self.model._last_obs = None
+        self.envs.set_attr("progress", progress.steps / config.steps)  # The plans may grow with it.
         advance = partial(self.watcher.advance, total=config.steps)
         callback = TrainingCallback(advance, lambda: self.stopping, config.critic_steps)
         self.model.learn(target - progress.steps, callback, reset_num_timesteps=False)

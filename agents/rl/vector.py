@@ -46,7 +46,7 @@ class VectorAdapter(VecEnv):
             raise ConfigError(
                 "training needs a vector environment that resets within the step (AutoresetMode.SAME_STEP)"
             )
-        self.env = env
+        self.env: Any = env  # The class `VectorEnv` does not declare `call`, `get_attr` and `set_attr`.
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._masks: Mask | None = None
         self._next_seed: int | None = None
@@ -129,22 +129,29 @@ class VectorAdapter(VecEnv):
         return self._masks is not None if attr_name == "action_masks" else super().has_attr(attr_name)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """`action_masks` of all environments; they have no other method."""
-        if method_name != "action_masks":
-            raise AttributeError(method_name)
-        return list(self.action_masks())
+        """What a method of some environments returns; without indices, of all."""
+        if method_name == "action_masks" and self._masks is not None:
+            found: Sequence[Any] = list(self.action_masks())
+        else:
+            found = self.env.call(method_name, *args, **kwargs)
+        return [found[k] for k in self._get_indices(indices)]
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute of the vector environment, for each of its environments."""
-        return [getattr(self.env, attr_name)] * self.num_envs
+        """An attribute of some environments; without indices, of all."""
+        found = self.env.get_attr(attr_name)
+        return [found[k] for k in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Not supported: the environments are made as they are to be."""
-        raise NotImplementedError
+        """Set an attribute of some environments to one value; without indices, of all."""
+        chosen = set(self._get_indices(indices))
+        if len(chosen) < self.num_envs:
+            before = self.env.get_attr(attr_name)
+            value = [value if k in chosen else before[k] for k in range(self.num_envs)]
+        self.env.set_attr(attr_name, value)
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """None is wrapped."""
-        return [False] * self.num_envs
+        return [False] * len(list(self._get_indices(indices)))
 
     def _seen(self, observations: Batch, rows: slice = slice(None)) -> Batch:
         if isinstance(observations, dict) and "action_mask" in observations:

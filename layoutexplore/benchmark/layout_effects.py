@@ -38,7 +38,7 @@ class LayoutEffect:
         prediction_ms_p95: 95th percentile.
         episode_seconds: Median seconds that the predictions of a run took.
         changed: Mean share of the decisions of a run in which the layout changed the choice, interval over
-            floor plans.
+            buildings.
         misled: Mean share in which the true rooms would have.
         by_class: Share of the misled decisions that true classes alone set right.
         by_area: Share that true areas alone set right.

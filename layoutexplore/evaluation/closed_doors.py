@@ -16,14 +16,13 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
 import numpy as np
 
 from layoutexplore.closed_doors.prediction import predict_closed_rooms
 from layoutexplore.errors import checks_arguments
 from layoutexplore.files import write_atomically
-from layoutexplore.grids.arrays import Bytes, Mask, check_alike
-from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.grids.arrays import Mask, check_alike
+from layoutexplore.grids.grid import FREE, OccupancyGrid
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.closed_door_maps import FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY, Triple, read_cells
@@ -193,7 +192,7 @@ def _lines(group: str, scores: Sequence[PairScore]) -> list[dict[str, Any]]:
 
 
 def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[Score]) -> dict[str, Any]:
-    clusters = [p.building for p in pairs]
+    clusters = [building_of(p.building, "closed doors") for p in pairs]
     iou = [s.iou for s in scores]
     line: dict[str, Any] = {"group": group, "method": method, "maps": len(pairs)}
     line["before"] = float(np.mean([p.before for p in pairs]))
@@ -207,46 +206,3 @@ def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[
         interval = cluster_bootstrap(values, clusters, statistic)
         line |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
     return line
-
-
-@checks_arguments
-def picture(triple: Triple, folder: Path) -> Bytes:
-    """What was seen, the reference's answer and ours, uint8 RGB.
-
-    Right in green, wrong in red, missed in blue.
-    """
-    cells = read_cells(triple.seen)
-    truth = read_cells(triple.truth) == FREE
-    seen = cells == FREE
-    sides = []
-    for path in (triple.seen, triple.reference, folder / f"{triple.name}_pred.png"):
-        new = (read_cells(path) == FREE) & ~seen if path else np.zeros_like(seen)
-        side = np.full((*cells.shape, 3), 205, np.uint8)
-        side[seen], side[cells == OCCUPIED] = 255, 0
-        side[truth & ~seen & ~new], side[new & truth], side[new & ~truth] = (
-            (110, 170, 230),
-            (90, 190, 120),
-            (230, 90, 90),
-        )
-        sides.append(np.pad(side, ((4, 4), (4, 4), (0, 0)), constant_values=255))
-    wide = np.hstack(sides)
-    scale = min(1.0, 1800 / wide.shape[1])
-    size = (max(round(wide.shape[1] * scale), 1), max(round(wide.shape[0] * scale), 1))
-    return np.asarray(cv2.resize(wide, size, interpolation=cv2.INTER_AREA), np.uint8)
-
-
-@checks_arguments
-def write_pictures(
-    triples: Sequence[Triple], scores: Sequence[PairScore], folder: Path, count: int = 3
-) -> list[Path]:
-    """Write `best.png` and `worst.png`: the maps predicted best and worst by IoU on what was never seen."""
-    order = sorted(range(len(scores)), key=lambda k: scores[k].ours.iou)
-    written = []
-    for name, chosen in (("worst", order[:count]), ("best", order[::-1][:count])):
-        rows = [picture(triples[k], folder) for k in chosen]
-        width = max(row.shape[1] for row in rows)
-        rows = [np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0)), constant_values=255) for row in rows]
-        path = folder / f"{name}.png"
-        write_atomically(path, encode_png(np.vstack(rows)))
-        written.append(path)
-    return written

@@ -49,16 +49,13 @@ class FrontierClasses:
     Attributes:
         is_closed: bool (k,), the rest of a seen room and nothing else.
         room: int32 (k,), id of the room behind; 0 when there is none.
-        remaining_area: float64 (k,), the unseen free area of that room in square metres.
-        seen_share: float64 (k,), the share of that room that has been seen, 0..1; 1 when there is no room.
-        area_beyond: float64 (k,), the unknown area in square metres that can be reached through the unknown.
+        remaining_area: float64 (k,), the unseen free area of that room in square metres; of no room, what can
+            be reached through the unknown.
     """
 
     is_closed: Mask
     room: Ints32
     remaining_area: Floats
-    seen_share: Floats
-    area_beyond: Floats
 
 
 DEFAULT_CLASSES = ClassConfig()
@@ -106,7 +103,7 @@ def classify_frontiers(
     share[room == 0] = 1.0
     remaining = np.where(room > 0, (total - seen)[room], beyond) * cell_area
     is_open = (share < config.entrance_share) | (other * cell_area >= config.beyond_area)
-    return FrontierClasses(~is_open, room, remaining, share, (beyond * cell_area).astype(np.float64))
+    return FrontierClasses(~is_open, room, remaining)
 
 
 @checks_arguments

@@ -22,7 +22,7 @@ from layoutexplore.frontiers.visible_area import VisibleUnknownArea
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, Words
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
-from layoutexplore.grids.morphology import disc_offsets
+from layoutexplore.grids.morphology import borders_unknown, disc_offsets
 from layoutexplore.grids.rays import is_free_line
 from layoutexplore.planning.distance_fields import DistanceField
 
@@ -302,20 +302,10 @@ def remaining_share(cells: Cells, frontier: Ints32) -> float:
 
     Of a frontier it is what is left.
     """
-    rows, cols = cells.shape
     count = 0
     for n in range(len(frontier)):
         r, c = frontier[n]
-        if cells[r, c] == -1 or (
-            cells[r, c] == 0
-            and (
-                (r > 0 and cells[r - 1, c] == -1)
-                or (r + 1 < rows and cells[r + 1, c] == -1)
-                or (c > 0 and cells[r, c - 1] == -1)
-                or (c + 1 < cols and cells[r, c + 1] == -1)
-            )
-        ):
-            count += 1
+        count += cells[r, c] == -1 or (cells[r, c] == 0 and borders_unknown(cells, r, c))
     return count / len(frontier)
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.grids.arrays import Bytes, Ints32, Mask
-from layoutexplore.grids.grid import check_resolution
+from layoutexplore.grids.arrays import Bytes, Cells, Floats32, Ints32, Mask
+from layoutexplore.grids.grid import UNKNOWN, check_resolution
 
 
 def inflate(occupied: Mask, radius: float, resolution: float) -> Mask:
@@ -112,6 +112,55 @@ def disc_offsets(radius: float, *, closed: bool = False) -> Ints32:
     """The offsets int32 (n, 2) of the cells of `disc` from the middle one, in raster order."""
     near = disc(radius, closed=closed)
     return np.ascontiguousarray(np.argwhere(near) - near.shape[0] // 2, np.int32)
+
+
+def nearest_cells(mask: Mask) -> tuple[Floats32, Ints32]:
+    """For every cell the nearest one of a mask, which holds at least one: how far it is, and where.
+
+    Returns:
+        float32 (rows, cols), distances in cells; int32 (rows, cols, 2), (row, col).
+
+    Example:
+        >>> distance, place = nearest_cells(np.array([[False, False, True]]))
+        >>> distance.tolist(), place[0, 0].tolist()
+        ([[2.0, 1.0, 0.0]], [0, 2])
+    """
+    distance, label = cv2.distanceTransformWithLabels(
+        (~mask).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    places = np.zeros((int(label.max()) + 1, 2), np.int32)
+    places[label[mask]] = np.argwhere(mask)
+    return np.asarray(distance, np.float32), places[label]
+
+
+MOST_THICKNESS = 32_767
+"""Of a line that OpenCV draws."""
+
+
+def draw_way(cells: Bytes, start: Ints32, end: Ints32, width: float, value: int) -> None:
+    """Give the cells of a straight way between two cells (row, col) a value.
+
+    Args:
+        cells: uint8 (rows, cols), drawn into.
+        start: int32 (2,).
+        end: int32 (2,).
+        width: In cells; at least one is drawn.
+        value: The value.
+    """
+    (r0, c0), (r1, c1) = start.tolist(), end.tolist()
+    cv2.line(cells, (c0, r0), (c1, r1), value, min(max(1, round(width)), MOST_THICKNESS))
+
+
+@njit(cache=True, nogil=True, inline="always")
+def borders_unknown(cells: Cells, row: int, col: int) -> bool:
+    """Whether one of the four neighbours of a cell of a grid is unknown."""
+    rows, cols = cells.shape
+    return bool(
+        (row > 0 and cells[row - 1, col] == UNKNOWN)
+        or (row + 1 < rows and cells[row + 1, col] == UNKNOWN)
+        or (col > 0 and cells[row, col - 1] == UNKNOWN)
+        or (col + 1 < cols and cells[row, col + 1] == UNKNOWN)
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -1,7 +1,7 @@
 """How well segments fit the true rooms: the measures of the room segmentation literature, in cells.
 
 With S the segments (their free cells), G the true rooms and O their overlaps (Bormann et al. 2016; ROSE2 and
-IAS-15, section V):
+IAS-15, section IV):
 
 - precision: mean over s of max_g O / |s|; recall: mean over g of max_s O / |g|;
 - iou_s: mean over s of the IoU with the room of largest overlap; iou_g the same from the rooms to the

@@ -104,7 +104,6 @@ class Search:
     Attributes:
         shape: (rows + 2, cols + 2), of the padded grid.
         origin: What the last search has written at its source: subtract it.
-        count: Number of searches so far.
     """
 
     def __init__(self, shape: tuple[int, int]) -> None:
@@ -112,7 +111,6 @@ class Search:
         self._moves: Bytes | None = None
         self._distance: Ints32 | None = None
         self.origin = 0
-        self.count = 0
         self._grid: tuple[Any, ...] | None = None
 
     @property
@@ -154,7 +152,6 @@ class Search:
         Returns:
             The greatest value of `distance` that is exact; above it lie cells that were not reached.
         """
-        self.count += 1
         fresh = self.origin <= _SPAN
         self.origin = 15 * _SPAN if fresh else self.origin - _SPAN
         settled = self._search(source, stops, fresh)

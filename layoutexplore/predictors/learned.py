@@ -243,7 +243,7 @@ def classify(scores: Floats, rooms: Ints32) -> tuple[FrontierClasses, Floats]:
         leftover > 0.5, np.minimum(area, math.nextafter(LITTLE_LEFT, 0.0)), np.maximum(area, LITTLE_LEFT)
     )
     is_closed = (closed > CLOSED) | (leftover > 0.5)
-    classes = FrontierClasses(is_closed, rooms, area, np.ones(len(rooms)), area)
+    classes = FrontierClasses(is_closed, rooms, area)
     return classes, np.where(is_closed, closed, 1.0 - closed)
 
 

@@ -27,8 +27,8 @@ class OraclePredictor:
     """The true rooms, optionally with a share of the rooms judged wrongly for a whole run.
 
     Args:
-        flip: Probability 0..1 that a room's frontiers are given the wrong class; a frontier wrongly called
-            closed is said to have 0.3 m2 left.
+        flip: Probability 0..1 that a room's frontiers are given the wrong class, drawn once for a floor plan;
+            a frontier wrongly called closed is said to have 0.3 m2 left.
         horizon: Doors beyond what is seen up to which the true plan is foreseen; 0 for the rest of the rooms
             that have been looked into, infinity for the whole floor.
 
@@ -52,6 +52,7 @@ class OraclePredictor:
         rng = np.random.default_rng(np.frombuffer(truth.plan.content_hash.encode(), np.uint8))
         rooms = int(truth.raster.room_ids.max()) + 1
         self._flipped: Mask = rng.random(rooms) < self.flip
+        self._flipped[0] = False  # What lies in no room is no room.
         self._graph: RoomGraph | None = None
         self._ahead: tuple[Mask, Foresight] | None = None
 

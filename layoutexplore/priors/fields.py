@@ -78,8 +78,9 @@ def make_fields(prior: PriorPlan) -> PlanFields:
     """The fields of a plan."""
     shrink = max(CELL / prior.resolution, 1.0)
     shape = tuple(max(1, round(n / shrink)) for n in prior.free.shape)
+    # By the longer side: rounded, it is off by the least share of its length.
     # A plan that is smaller than a cell by its scale, and hence not used, would need any number around it.
-    cell = max(prior.resolution * prior.free.shape[0] / shape[0], 0.5 * CELL)
+    cell = max(prior.resolution * max(prior.free.shape) / max(shape), 0.5 * CELL)
     pad = int(np.ceil(BORDER / cell))
     floor = cv2.resize(prior.free.astype(np.uint8) * 255, shape[::-1], interpolation=cv2.INTER_AREA)
     numbers = prior.room_ids.astype(np.float32)

@@ -14,7 +14,7 @@ from numba import njit
 from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
-from layoutexplore.grids.morphology import disc
+from layoutexplore.grids.morphology import disc, draw_way, nearest_cells
 
 DOOR = 0.9
 """Metres of a doorway that is assumed."""
@@ -78,24 +78,19 @@ def _open_rooms(cells: Cells, known: Cells, resolution: float) -> bool:
     closed = [k for k in range(1, count) if k != main and hidden[k] >= LEAST_HIDDEN]
     if not closed:
         return False
-    distance, nearest = cv2.distanceTransformWithLabels(
-        (parts != main).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-    )
+    distance, nearest = nearest_cells(parts == main)
     walls = cv2.dilate((known == OCCUPIED).astype(np.uint8), disc(PASSAGE / resolution)) > 0
-    places = np.zeros((int(nearest.max()) + 1, 2), np.int32)
-    main_cells = np.argwhere(parts == main)
-    places[nearest[main_cells[:, 0], main_cells[:, 1]]] = main_cells
     opened = False
     reach = THROUGH / resolution
     for part in closed:
         near = np.argwhere((parts == part) & (distance <= reach)).astype(np.int32)
-        ends = places[nearest[near[:, 0], near[:, 1]]]
+        ends = nearest[near[:, 0], near[:, 1]]
         good = _unseen_way(near, ends, walls)
         if not good.any():
             continue
         near, ends = near[good], ends[good]
         best = _chosen(near, ends, distance, known)
-        _carve(cells, near[best], ends[best], DOOR / resolution)
+        draw_way(cells.view(np.uint8), near[best], ends[best], DOOR / resolution, FREE)
         opened = True
     return opened
 
@@ -108,14 +103,6 @@ def _chosen(near: Ints32, ends: Ints32, distance: Floats32, known: Cells) -> int
     choice = choice[gaps[choice] <= gaps[choice].min() + 3]
     middle = np.median(near[choice], axis=0)
     return int(choice[np.abs(near[choice] - middle).sum(axis=1).argmin()])
-
-
-def _carve(cells: Cells, start: Ints32, end: Ints32, width: float) -> None:
-    """Open a straight way between two cells."""
-    line = np.zeros(cells.shape, np.uint8)
-    (r0, c0), (r1, c1) = start.tolist(), end.tolist()
-    cv2.line(line, (c0, r0), (c1, r1), 1, max(1, round(width)))
-    cells[line > 0] = FREE
 
 
 @njit(cache=True, nogil=True)

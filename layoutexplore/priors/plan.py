@@ -18,7 +18,8 @@ import shapely
 from shapely import Polygon
 
 from layoutexplore.errors import ConfigError, MapError, checks_arguments, checks_calls
-from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask, shows_shapes
+from layoutexplore.grids.arrays import Floats, Ints32, Mask, shows_shapes
+from layoutexplore.grids.morphology import draw_way, nearest_cells
 from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.sizes import check_ids
@@ -269,12 +270,7 @@ def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
             break
         main = 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())
         least, most = (area / prior.resolution**2 for area in CUT_OFF_AREA)
-        distance, nearest = cv2.distanceTransformWithLabels(
-            (parts != main).astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
-        )
-        places = np.zeros((int(nearest.max()) + 1, 2), np.int64)
-        main_cells = np.argwhere(parts == main)
-        places[nearest[main_cells[:, 0], main_cells[:, 1]]] = main_cells
+        distance, nearest = nearest_cells(parts == main)
         sizes = stats[:, cv2.CC_STAT_AREA]
         closed = [k for k in range(1, count) if k != main and least <= sizes[k] <= most]
         without = max(without, len(closed))
@@ -287,20 +283,10 @@ def with_doors_to_all(prior: PriorPlan) -> PriorPlan:
             if not len(near):
                 continue
             middle = near[np.abs(near - np.median(near, axis=0)).sum(axis=1).argmin()]
-            _carve(free, middle, places[nearest[middle[0], middle[1]]], 0.5 * DOOR_WIDTH / prior.resolution)
+            end = nearest[middle[0], middle[1]]
+            draw_way(free.view(np.uint8), middle, end, DOOR_WIDTH / prior.resolution, 1)
     share = min(1.0, without / max(1, prior.rooms))
     return dataclasses.replace(prior, free=free, doors_missing=share, unused="")
-
-
-_THICKEST = 32_767
-"""Of lines, in OpenCV."""
-
-
-def _carve(free: Mask, start: Ints, end: Ints, half: float) -> None:
-    """Open a straight way between two cells."""
-    (r0, c0), (r1, c1) = start.tolist(), end.tolist()
-    thickness = min(max(1, round(2 * half)), _THICKEST)
-    cv2.line(free.view(np.uint8), (int(c0), int(r0)), (int(c1), int(r1)), 1, thickness)
 
 
 def _unit_in_doubt(prior: PriorPlan) -> str:

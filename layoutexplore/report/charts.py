@@ -147,7 +147,7 @@ def predictor_looks(names: Sequence[str], main: str = "") -> dict[str, tuple[str
 def calibration_chart(confidence: Floats, right: Mask, *, bins: int = 10) -> Scatter:
     """Stated against observed probability of being right, a dot a bin from one half to 1.
 
-    Its area is its share of all.
+    Its area is its share of all; what was said with less than one half stands at the left end.
 
     Args:
         confidence: float64 (n,), stated, 0..1.
@@ -165,7 +165,7 @@ def calibration_chart(confidence: Floats, right: Mask, *, bins: int = 10) -> Sca
             size = 4 + 22 * math.sqrt(count / len(right))
             dots.append(
                 Dot(
-                    round(200 * (stated - 0.5), 2),
+                    round(max(200 * (stated - 0.5), 0.0), 2),
                     round(100 * (1 - _upper(observed)), 2),
                     round(size, 1),
                     title,

@@ -17,10 +17,9 @@ from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes, Cells, Mask, check_alike
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.ros_map import encode_png
+from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.closed_door_maps import Triple, read_cells
 from layoutexplore.report.templates import png_uri, render
-
-"""Colours of never-seen cells: predicted rightly, wrongly, and not predicted."""
 
 SIDE = 640
 """Most pixels of the longer side of a map in the page; the files have all."""
@@ -138,7 +137,7 @@ def write_closed_doors_report(
         ours=overall.get(("with a reference", "ours")) or overall["all maps", "ours"],
         reference=overall.get(("with a reference", "reference")),
         cards=cards,
-        buildings=len({score.building for score in scores}),
+        buildings=len({building_of(score.building, "closed doors") for score in scores}),
         command=command,
         note=note[:1].upper() + note[1:].rstrip("."),
     )

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from layoutexplore.drawing import palette
+from layoutexplore.drawing.room_fills import fills_of_rooms
 from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.in_the_loop import BASELINE, DRIVER, LoopScore
 from layoutexplore.files import safe_name, write_atomically, write_csv
@@ -68,8 +69,10 @@ def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
     image = np.empty((*cells.shape, 3), np.uint8)
     image[:] = palette.CANVAS
     ids = np.where(rooms.passable, rooms.room_ids, 0)
+    fills = fills_of_rooms(truth.room_ids, truth.resolution)
     for room, true_room in _true_rooms(ids, truth.room_ids, cells == FREE).items():
-        colour = palette.room_colour(true_room)
+        red, green, blue = fills[true_room].tolist() if true_room else palette.room_colour(0)
+        colour = (red, green, blue)
         image[(ids == room) & (cells == FREE)] = colour
         if room != rooms.rest:
             image[(ids == room) & (cells == UNKNOWN)] = palette.mix(palette.CANVAS, colour, HIDDEN)

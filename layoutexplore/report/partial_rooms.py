@@ -40,8 +40,6 @@ MARGIN = 1.5
 BOUNDS = ("none", "oracle")
 """Predictors that are no competitors."""
 
-"""Colours of a room's parts: seen, predicted rightly, wrongly, and not predicted."""
-
 
 @dataclass(frozen=True, eq=False)
 class RoomPicture:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.drawing import palette
+from layoutexplore.drawing.room_fills import fills_of_rooms
 from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.segmentation import MapScore, in_percent, summarise_segmentation
 from layoutexplore.files import safe_name, write_atomically, write_csv
@@ -42,12 +43,11 @@ def comparison_picture(case: Case, labels: Ints32, resolution: float) -> Bytes:
     ground = np.where(free[..., None], UNCLAIMED, np.where(grid.occupied[..., None], WALL, UNSEEN)).astype(
         np.uint8
     )[part]
-    sides = []
-    for values, names in (
-        (found, _matched(found, truth)),
-        (np.where(free, truth, 0), np.arange(truth.max() + 1)),
-    ):
-        colours = np.array([palette.room_colour(int(max(n, 1))) for n in names], np.uint8)
+    sides, fills = [], fills_of_rooms(np.where(free, truth, 0), resolution)
+    for values, names in ((found, _matched(found, truth)), (np.where(free, truth, 0), np.arange(len(fills)))):
+        colours = np.array(
+            [fills[n] if n < len(fills) else palette.room_colour(int(n)) for n in names], np.uint8
+        )
         sides.append(np.where((values > 0)[part][..., None], colours[values[part]], ground)[::-1])
     gap = np.full((sides[0].shape[0], 8, 3), 255, np.uint8)
     picture = np.hstack([sides[0], gap, sides[1]])

@@ -265,6 +265,7 @@ class Simulation:
         """Look from one more place before a noisy run is over; False when none is left."""
         path = self.state.path_to_look_again() if self._noisy else None
         if path is None:
+            self.state.decision = None  # What was asked for on the way has outdated its distances.
             return False
         self._follow(path, NO_SIGHTS)
         for _ in range(SCANS):

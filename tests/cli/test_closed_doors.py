@@ -24,10 +24,5 @@ def test_command(closed_door_maps: Path, tmp_path: Path) -> None:
     ]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
-    assert {p.name for p in out.iterdir()} == {
-        "office_1_doors_pred.png",
-        "office_2_doors_pred.png",
-        "best.png",
-        "worst.png",
-    }
+    assert {p.name for p in out.iterdir()} == {"office_1_doors_pred.png", "office_2_doors_pred.png"}
     assert len(json.loads(report.read_text())["maps"]) == 2

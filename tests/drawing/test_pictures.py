@@ -231,3 +231,17 @@ def test_the_palette_converts() -> None:
     assert palette.room_colour(1) == palette.room_colour(1 + len(palette.ROOMS))
     assert len(set(palette.QUALITATIVE)) == len(palette.QUALITATIVE)
     assert len(set(palette.ROOMS)) == len(palette.ROOMS)
+
+
+@pytest.mark.parametrize(("x", "y"), [(1e3, 0.0), (-3.0, 1.0), (1.0, -40.0)])
+def test_a_robot_that_believes_to_be_outside_stands_at_the_border(
+    plan: FloorPlan, x: float, y: float
+) -> None:
+    simulation = run(plan)
+    assert simulation.decision.frontiers
+    lines = draw_text(simulation).splitlines()[1:]
+    simulation.robot.relocate(Pose(x, y, 0.0))
+    there = draw_text(simulation, frontiers=False).splitlines()[1:]
+    rows, cols = np.argwhere([[letter == ">" for letter in line.ljust(200)] for line in there]).T
+    assert len(rows) == 1 and len(there) == len(lines)
+    assert cols[0] in (0, max(map(len, there)) - 1) or rows[0] in (0, len(there) - 1)

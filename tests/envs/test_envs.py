@@ -19,7 +19,9 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import FlattenObservation, RecordEpisodeStatistics, RecordVideo, TimeLimit
 
 import layoutexplore
-from layoutexplore.errors import MissingExtraError
+from layoutexplore.envs.motion import MotionEnv
+from layoutexplore.errors import MissingExtraError, StartError
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.envs.cases import CASES, FRONTIER, IDS, MOTION, Step, cases, choose, digest, make, rollout, rooms
 
 
@@ -204,3 +206,15 @@ def test_rendering_without_a_mode_warns(name: str) -> None:
     env.reset(seed=0)
     with pytest.warns(UserWarning, match="render_mode"):
         assert env.render() is None
+
+
+def test_after_a_refused_start_the_scans_are_of_the_plan_that_is_asked_for() -> None:
+    small = floorplan_from_ascii("\n".join(["." * 6] * 6), resolution=1.0, name="small")
+    big = floorplan_from_ascii("\n".join(["." * 28] * 28), resolution=1.0, name="big")
+    asked: dict[str, Any] = {"plan": big, "start": (5.0, 5.0, 0.0)}
+    env, fresh = (MotionEnv(plan, sensor="indoor") for plan in (small, big))
+    wanted = fresh.reset(seed=0, options=asked)[0]["scan"]
+    env.reset(seed=0)
+    with pytest.raises(StartError):
+        env.reset(seed=0, options={"plan": big, "start": (1e5, 0.0)})
+    np.testing.assert_array_equal(env.reset(seed=0, options=asked)[0]["scan"], wanted)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import cv2
@@ -9,7 +10,13 @@ import numpy as np
 import pytest
 
 from layoutexplore.errors import MapError
-from layoutexplore.evaluation.closed_doors import evaluate, score_prediction, summarise_closed_doors
+from layoutexplore.evaluation.closed_doors import (
+    PairScore,
+    Score,
+    evaluate,
+    score_prediction,
+    summarise_closed_doors,
+)
 from layoutexplore.maps.closed_door_maps import find_triples, read_cells
 
 
@@ -62,3 +69,15 @@ def test_definitions_on_a_published_answer(data_dir: Path) -> None:
     assert score.reference is not None
     assert score.reference.iou == pytest.approx(0.830, abs=0.001)
     assert score.reference.free_iou == pytest.approx(0.972, abs=0.001)
+
+
+def test_floors_of_one_building_are_one_in_the_intervals() -> None:
+    scores = [
+        PairScore(f"school_{1 + k // 3}", k, 10.0, 0.9, Score(0.9, iou, 0.9, 0.9), None, 1.0)
+        for k, iou in enumerate((0.3, 0.4, 0.5, 0.7, 0.8, 0.9))
+    ]
+    (line,) = summarise_closed_doors(scores)
+    assert np.isnan(line["iqm_low"]) and np.isnan(line["iqm_high"])
+    others = [dataclasses.replace(score, building=f"{score.building}_west") for score in scores]
+    (line,) = summarise_closed_doors(others)
+    assert line["iqm_low"] < line["iqm"] < line["iqm_high"]

@@ -105,3 +105,13 @@ def test_names_say_the_horizon() -> None:
         made = make_predictor(spec)
         assert made is not None
         assert made.name == spec
+
+
+def test_what_lies_in_no_room_is_never_taken_for_a_room() -> None:
+    predictor, flipped = OraclePredictor(flip=0.5), []
+    for k in range(8):
+        plan = floorplan_from_ascii(HOUSE, resolution=1.0 + 0.01 * k)
+        Simulation(plan, SimulationConfig(sensor="short"), predictor).reset()
+        flipped.append(predictor._flipped)
+    flips = np.array(flipped)
+    assert flips.any() and not flips[:, 0].any()

@@ -13,7 +13,8 @@ from layoutexplore.grids.morphology import inflate
 from layoutexplore.maps.floorplan import Door, FloorPlan
 from layoutexplore.priors import completion
 from layoutexplore.priors.completion import TRUST, PlanOnMap, contradicted_rooms, trusted_reach
-from layoutexplore.priors.plan import prior_of_plan
+from layoutexplore.priors.fields import make_fields
+from layoutexplore.priors.plan import PriorPlan, prior_of_plan
 from layoutexplore.priors.presets import study_prior
 from layoutexplore.priors.registration import Registration
 from tests.priors.cases import office, seen_part
@@ -152,3 +153,14 @@ def test_a_plan_that_stays_in_its_place_is_not_redrawn() -> None:
         found.append((grid, on_map.foresee(registration, grid, 1.0, "prior")))
     far = np.arange(grid.shape[1]) > 0.75 * grid.shape[1]
     assert np.array_equal(found[0][1].cells[:, far], found[1][1].cells[:, far])
+
+
+def test_the_fields_of_a_long_narrow_plan_are_not_stretched() -> None:
+    free, resolution = np.zeros((43, 1000), np.bool_), 0.06
+    free[1:-1, 1:-1] = True
+    free[:, 960:964] = False
+    rooms = np.where(free, np.where(np.arange(1000) < 960, 1, 2), 0).astype(np.int32)
+    fields = make_fields(PriorPlan(name="long", free=free, room_ids=rooms, resolution=resolution))
+    wall = np.flatnonzero(~fields.free[fields.free.shape[0] // 2])
+    across = (wall + 0.5) * fields.cell + fields.low
+    assert np.mean(across[(across > 50.0) & (across < 59.5)]) == pytest.approx(962 * resolution, abs=0.06)

@@ -329,3 +329,8 @@ def test_equal_areas_lie_on_the_diagonal(areas: list[float]) -> None:
     assert all(dot.x == pytest.approx(100 - dot.y, abs=0.02) and 0 <= dot.x <= 100 for dot in chart.dots)
     places = [at for at, _ in chart.ticks.x]
     assert places == sorted(places) and all(b - a >= 7.99 for a, b in itertools.pairwise(places))
+
+
+def test_what_was_said_with_less_than_one_half_stands_in_the_frame() -> None:
+    (dot,) = calibration_chart(np.full(5, 0.42), np.array([True, False, True, False, False])).dots
+    assert dot.x == 0.0 and "said 0.42" in dot.title

@@ -63,7 +63,6 @@ def closed_doors(
         cross_validate_closed_doors,
         evaluate,
         summarise_closed_doors,
-        write_pictures,
     )
     from layoutexplore.maps.closed_door_maps import find_triples
     from layoutexplore.processes import command_line
@@ -87,9 +86,9 @@ def closed_doors(
     _print(summary)
     note = f"every building was held out, in {folds} groups" if folds else NOTE
     typer.echo(f"note: {note}")
-    written = write_pictures(triples, scores, out)
+    written = []
     if report:
-        written += write_closed_doors_report(out, triples, scores, summary, command=command_line(), note=note)
+        written = write_closed_doors_report(out, triples, scores, summary, command=command_line(), note=note)
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
     if json_file is not None:
         write_json(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -88,6 +88,8 @@ def train_prior(
     plans: Plans, out: Folder, kind: Kinds = None, sensor: Sensors = None, among: Among = "", jobs: Jobs = 1
 ) -> None:
     """Fit the confidence; `TRAIN_PRIOR_HELP` is what the command line says."""
+    from itertools import compress
+
     import numpy as np
 
     from layoutexplore.evaluation.partial_rooms_summary import calibration_error
@@ -101,10 +103,12 @@ def train_prior(
     )
 
     found = rows_until(_rows(plans, out, kind, sensor, among, jobs), LEARNT_UNTIL)
-    rows = [row for row in found if row.features and row.kind != UNPLACED]
+    learnt = [bool(row.features) and row.kind != UNPLACED for row in found]
+    rows = list(compress(found, learnt))
+    moments = list(compress(moments_of(found), learnt))
     features = np.array([row.features for row in rows])
     right = np.array([row.right for row in rows])
-    weights = example_weights(moments_of(rows), np.array([row.kind == "mirrored" for row in rows]))
+    weights = example_weights(moments, np.array([row.kind == "mirrored" for row in rows]))
     held_out = held_out_confidence(features, right, np.array([row.building for row in rows]), weights)
     judged = np.array([row.coverage > 0 for row in rows])
     error = calibration_error(held_out[judged], right[judged])
@@ -127,7 +131,9 @@ def _rows(
 ) -> list[RegistrationRow]:
     """The rows of all floors and sensors, with a line of progress."""
     from concurrent.futures import ProcessPoolExecutor
+    from contextlib import ExitStack
     from functools import partial
+    from multiprocessing import get_context
 
     from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.errors import unknown_name
@@ -136,6 +142,7 @@ def _rows(
     from layoutexplore.maps.library import find_plans
     from layoutexplore.options import JOBS
     from layoutexplore.priors.presets import PRESETS
+    from layoutexplore.processes import end_with_parent
     from layoutexplore.sensing.lidar import sensor as find_sensor
 
     check_places(out)
@@ -148,8 +155,11 @@ def _rows(
     jobs = min(JOBS.convert("--jobs", jobs), len(tasks))
     work = partial(rows_of_source, kinds=kinds, among=among, store=out)
     found: list[RegistrationRow] = []
-    with ProgressLine(plain_console(), "explorations") as line, ProcessPoolExecutor(jobs) as pool:
-        spread = pool.map if jobs > 1 else map
+    with ProgressLine(plain_console(), "explorations") as line, ExitStack() as stack:
+        spread: Callable[..., Iterable[list[RegistrationRow]]] = map
+        if jobs > 1:
+            pool = ProcessPoolExecutor(jobs, get_context("spawn"), initializer=end_with_parent)
+            spread = stack.enter_context(pool).map
         for k, rows in enumerate(spread(work, *zip(*tasks, strict=True))):
             found += rows
             line.advance(k + 1, len(tasks), (k + 1) / len(tasks), tasks[k][0])

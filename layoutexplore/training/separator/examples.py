@@ -63,7 +63,8 @@ def separator_example(cells: Cells, rooms: Ints32, resolution: float) -> Separat
     truth = np.ascontiguousarray(turn_labels(rooms.astype(np.int32), aligned.turned))
     thing, weight = _things(aligned, truth, resolution, (fine[0] // 2, fine[1] // 2))
     return SeparatorExample(
-        np.rint(shares * 255).astype(np.uint8),
+        # Rounded down, the parts of a square are no more than 255 together: they are added up later.
+        np.floor(shares * 255).astype(np.uint8),
         _rooms_of_squares(truth, resolution, thing.shape),
         np.asarray(np.rint(thing * 255), np.uint8),
         np.asarray(np.rint(weight * 255), np.uint8),

@@ -10,8 +10,10 @@ from typing import Any
 import pytest
 
 from layoutexplore.agents.rl.hyperparameters import DEFAULTS, algorithms, read_config
+from layoutexplore.envs.curriculum import PlanSampler
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.files import to_toml
+from layoutexplore.options import from_table
 
 
 def written(tmp_path: Path, text: str) -> Path:
@@ -161,3 +163,19 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
 def test_an_unknown_flag() -> None:
     with pytest.raises(UnknownNameError, match="unknown hyper-parameter"):
         read_config(None, {"speed": 1})
+
+
+def test_all_of_the_generator_can_be_set(tmp_path: Path) -> None:
+    path = tmp_path / "growing.toml"
+    path.write_text(
+        "algorithm = 'maskable-ppo'\nplans = ['generated']\n[generator]\narea = [200, 900]\n"
+        "first_area = 300\ngrowth = 0.5\nshipped = ['validation']\nfamilies = { office = 2, school = 1 }\n"
+    )
+    config = read_config(path)
+    sampler = from_table(PlanSampler, config.generator, "[generator]")
+    assert sampler.families == {"office": 2, "school": 1} and sampler.shipped == ("validation",)
+    assert (sampler.first_area, sampler.growth) == (300.0, 0.5)
+    assert {field.name for field in dataclasses.fields(PlanSampler)} == set(config.generator)
+    path.write_text("algorithm = 'maskable-ppo'\nplans = ['generated']\n[generator.families]\noffices = 1\n")
+    with pytest.raises(UnknownNameError, match="office"):
+        read_config(path)

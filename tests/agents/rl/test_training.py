@@ -22,6 +22,7 @@ from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.checkpoint import FILE  # noqa: E402
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
 from layoutexplore.agents.rl.training import Run  # noqa: E402
+from layoutexplore.agents.rl.vector import VectorAdapter  # noqa: E402
 from layoutexplore.errors import ConfigError, LayoutExploreError, ResultsError  # noqa: E402
 from tests.agents.rl.cases import Silent, small_config, write_config  # noqa: E402
 
@@ -287,3 +288,18 @@ def test_weights_of_a_checkpoint_that_are_no_numbers(trained: Path, tmp_path: Pa
     safetensors.torch.save_file(damaged, tmp_path / FILE, metadata=metadata)
     with pytest.raises(ResultsError, match="is not finite throughout"):
         Run(small_config(tmp_path), tmp_path, device="cpu", resume=True, watcher=Silent())
+
+
+def test_plans_grow_with_the_steps_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[float] = []
+    tell = VectorAdapter.set_attr
+
+    def listen(self: VectorAdapter, attr_name: str, value: Any, indices: Any = None) -> None:
+        told.append(value)
+        tell(self, attr_name, value, indices)
+
+    monkeypatch.setattr(VectorAdapter, "set_attr", listen)
+    config = small_config(tmp_path)
+    train(config, tmp_path / "run")
+    assert told[0] == 0.0 and len(told) > 1
+    assert told == sorted(told) and told[-1] < 1.0

@@ -32,3 +32,18 @@ def test_episodes_are_told_and_stopping_is_masked(tmp_path: Path) -> None:
     assert info["episode"]["coverage"] >= 0.95 and 0 < info["episode"]["d95_share"] <= 1
     assert info["terminal_observation"].keys() == envs.observation_space.spaces.keys()
     assert info["episode"]["r"] < 0 and info["episode"]["l"] > 1 and not info["TimeLimit.truncated"]
+
+
+def test_some_environments_are_asked_and_changed(tmp_path: Path) -> None:
+    envs = make_envs(small_config(tmp_path))
+    envs.seed(1)
+    envs.reset()
+    assert envs.num_envs > 1
+    (mask,) = envs.env_method("action_masks", indices=[1])
+    np.testing.assert_array_equal(mask, envs.action_masks()[1])
+    assert envs.get_attr("plan_name") == list(envs.env.call("plan_name"))
+    envs.set_attr("progress", 0.5)
+    envs.set_attr("progress", 0.25, indices=0)
+    assert envs.get_attr("progress") == [0.25, *[0.5] * (envs.num_envs - 1)]
+    assert envs.get_attr("progress", indices=[0]) == [0.25] and envs.env_is_wrapped(object, [0]) == [False]
+    envs.close()

@@ -63,3 +63,10 @@ def test_examples_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     damaged.write_bytes(damaged.read_bytes()[:100])
     with pytest.warns(UserWarning, match="made anew"):
         assert len(separator_examples(3, cache=tmp_path)) == 6
+
+
+def test_the_parts_of_a_square_are_no_more_than_all_of_it() -> None:
+    cells = plan()
+    cells[80:84, 61:64] = 100
+    shares = separator_example(cells, rooms_of(plan()), 0.05).shares[..., :3].sum(axis=-1, dtype=int)
+    assert 253 <= shares.max() <= 255 and ((shares > 0) & (shares < 255)).any()
