@@ -12,10 +12,16 @@ import numpy as np
 from layoutexplore.errors import checks_arguments
 from layoutexplore.maps.floorplan import FloorPlan
 
-NameKind = Literal["closed doors", "kth", "painted rooms", "school"]
+NameKind = Literal["closed doors", "geojson", "kth", "painted rooms", "school"]
 
 _FLOOR = {
     "closed doors": re.compile(r"[_-]?\d+$"),
+    "geojson": re.compile(
+        r"(^|[-_ ])(floor|level|og|ug|eg|gf)[-_ ]?-?\d+$"
+        r"|(^|[-_ ])((floor|level)[-_ ]?)?(gf|eg)$"
+        r"|[-_ ]\d+([-_. ]*(og|ug))?$",
+        re.IGNORECASE,
+    ),
     "kth": re.compile(r"_PLAN\d+$"),
     "school": re.compile(r"[_ ]*(\d+|(ground|first|second|third)_floor)?[_ ]*$", re.IGNORECASE),
 }
@@ -29,7 +35,8 @@ def building_of(name: str, kind: NameKind) -> str:
     The kinds differ because published figures hold out by them: the folds of `evaluate segmentation` by
     "painted rooms" (a number is part of the name: Freiburg 52, 79 and 101 are three buildings), the held-out
     scores of rooms behind closed doors by "closed doors" (a number at the end is a floor), and those of the
-    predictor `layout` by "school" and "kth" (whose plans `group_buildings` then compares, too).
+    predictor `layout` by "school" and "kth" (whose plans `group_buildings` then compares, too). Files of a
+    GIS ("geojson") end with a number, or with a floor in English or German.
 
     Args:
         name: Of the file, without its ending.
@@ -42,6 +49,8 @@ def building_of(name: str, kind: NameKind) -> str:
         ('', 'battle')
         >>> building_of("rock_island_ground_floor", "school"), building_of("50010535_PLAN2", "kth")
         ('rock_island', '50010535')
+        >>> [building_of(name, "geojson") for name in ("house-floor-gf", "house_2", "house 1.OG", "floor-1")]
+        ['house', 'house', 'house', '']
     """
     if kind == "painted rooms":
         words = [w for w in re.findall(r"[a-z]+|\d+", name.lower()) if w not in _FILLERS]

@@ -37,6 +37,7 @@ LAYOUT_KINDS = ("face", "line", "wall")
 """What the file of a layout holds besides the parts of a floor plan."""
 _POLYGONS = ("Polygon", "MultiPolygon")
 _LONGEST_NAME = 1000
+_OTHERS = " (a file of another program: name its columns, as in --column room=NAME)"
 
 
 def save_plan(plan: FloorPlan, path: str | os.PathLike[str]) -> None:
@@ -103,7 +104,12 @@ def load_geojson(path: str | os.PathLike[str], data: Any = None) -> FloorPlan:
     doors: list[Door] = []
     solids: dict[str, BaseGeometry] = {}
     for number, feature in enumerate(features):
-        _read_feature(feature, f"{path}: feature {number}", rooms, doors, solids)
+        try:
+            _read_feature(feature, f"{path}: feature {number}", rooms, doors, solids)
+        except MapError as error:
+            if _is_marked(data):
+                raise
+            raise MapError(f"{error}{_OTHERS}") from error
     metadata = data.get("metadata", {})
     if not isinstance(metadata, dict):
         raise MapError(f"{path}: metadata must be an object of strings")
@@ -135,13 +141,28 @@ def is_saved_plan(path: str | os.PathLike[str]) -> bool:
 
 
 def is_own_format(data: Any) -> bool:
-    """Whether a FeatureCollection is a plan of this format or a layout, and not of another program."""
+    """Whether a FeatureCollection is a plan of this format or a layout, and not of another program.
+
+    Programs that save a plan of ours drop what is no feature; rooms still have ids, and doors their rooms.
+    """
     if not isinstance(data, dict) or not isinstance(features := data.get("features"), list):
         return True  # `load_geojson` says what is wrong with it
-    if "format" in data or "layout" in data or not features:
+    if _is_marked(data) or not features:
         return True
-    properties = [f.get("properties") for f in features if isinstance(f, dict)]
-    return any(isinstance(p, dict) and "kind" in p for p in properties)
+    found = [f.get("properties") for f in features if isinstance(f, dict)]
+    return any(isinstance(p, dict) and _is_own_part(p) for p in found)
+
+
+def _is_marked(data: dict[str, Any]) -> bool:
+    """Whether a file says itself that it is a plan of ours or a layout."""
+    return str(data.get("format", "")).startswith("layoutexplore") or isinstance(data.get("layout"), dict)
+
+
+def _is_own_part(properties: dict[str, Any]) -> bool:
+    """Whether a feature is a room or door as this format has them."""
+    kind, number = properties.get("kind"), properties.get("id")
+    is_number = isinstance(number, (int, float)) and not isinstance(number, bool)
+    return (kind == "room" and is_number) or (kind == "door" and isinstance(properties.get("rooms"), list))
 
 
 def _text(data: dict[str, Any], key: str, where: str) -> str:
@@ -184,10 +205,7 @@ def _read_feature(
             raise MapError(f"{where}: there is more than one feature of kind {kind!r}")
         solids[kind] = _geometry(feature, f"{where} ({kind})", _POLYGONS)
     elif kind not in LAYOUT_KINDS:
-        raise MapError(
-            f"{where}: kind must be one of room, door, {', '.join(SOLIDS)}; got {shortened(kind)} (a file of "
-            "another program: name its columns, as in --column room=NAME)"
-        )
+        raise MapError(f"{where}: kind must be one of room, door, {', '.join(SOLIDS)}; got {shortened(kind)}")
 
 
 def _label(properties: dict[str, Any], where: str) -> str:

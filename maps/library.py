@@ -19,7 +19,7 @@ from pathlib import Path
 
 from shapely.errors import GEOSException
 
-from layoutexplore.errors import MapError, MapWarning, cause, checks_arguments, unknown_name
+from layoutexplore.errors import MapError, MapWarning, cause, checks_arguments, counted, unknown_name
 from layoutexplore.files import is_there, read_json
 from layoutexplore.files.limits import VARIABLE, limits
 from layoutexplore.files.reading import is_file, shown_path
@@ -68,7 +68,8 @@ def load_plan(
 
     Raises:
         UnknownNameError: No plan of that name; the closest ones are suggested.
-        MapError: The file is missing, broken, of no known format, or brings a scale and one is given.
+        MapError: The file is missing, broken, of no known format, or brings a scale and one is given; or
+            several floor plans are named (a split, FAMILY:FIRST-LAST).
     """
     if resolution is not None:
         check_resolution(resolution)
@@ -76,10 +77,13 @@ def load_plan(
     text = os.fspath(path_or_name)
     if text in plan_names():
         return load_geojson(PLAN_FOLDER / f"{text}.geojson")
-    if match := _SEEDS.fullmatch(text):
+    match = _SEEDS.fullmatch(text)
+    if match and match[3] is None:
         from layoutexplore.maps.generator import generate
 
         return generate(match[1], int(match[2]))
+    if match or text in splits():
+        raise _several(text)
     path, level = split_level(text)
     if not is_there(path):
         raise _missing(text)
@@ -199,6 +203,13 @@ def _is_kth(path: Path) -> bool:
     return part in ("occ", "rooms") and all(
         is_file(path.with_name(f"{stem}_{each}{path.suffix}")) for each in ("occ", "rooms")
     )
+
+
+def _several(text: str) -> MapError:
+    """The error for the name of a split or a range of seeds where one floor plan is meant."""
+    names = expand_plans(text)
+    what = f"a {'split' if text in splits() else 'range'} of {counted(len(names), 'floor plan')}"
+    return MapError(f"{text}: is {what}: name one of them, as {', '.join(names[:3])}")
 
 
 def _missing(text: str) -> Exception:

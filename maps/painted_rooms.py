@@ -1,23 +1,32 @@
-"""Grid maps with painted rooms as truth: `NAME.png` beside `NAME_gt.png`."""
+"""Grid maps with painted rooms as truth: `NAME.png` beside `NAME_gt.png`.
+
+An `index.csv` in their folder may give the scale of each (`file`, `m_per_px`).
+"""
 
 from __future__ import annotations
 
+import hashlib
+import math
 import os
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments
-from layoutexplore.files.images import read_pixels
+from layoutexplore.files import read_csv
+from layoutexplore.files.images import Levels, read_levels
 from layoutexplore.files.reading import is_file
-from layoutexplore.grids.arrays import Bytes, Ints32, Mask
+from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.grids.ros_map import load_grid, read_image
 from layoutexplore.maps.buildings import building_of
 
 TRUTH_SUFFIX = "_gt"
+INDEX = "index.csv"
+"""Table beside maps that may give their scales."""
+
 FREE_FROM = 250
 """A pixel at least this bright is free (the protocol of the published tables)."""
 
@@ -30,11 +39,13 @@ class Case:
     """A map with its truth.
 
     Attributes:
-        folder: Name of the folder, which is the name of the set.
+        folder: Name of the folder, which is the name of the set; with those above it where two have one name.
         name: Name of the map.
         image: The map.
         truth: The painted rooms.
         building: Maps of one building stay in one fold.
+        resolution: Metres a pixel by the folder's index; None where it says nothing.
+        is_guess: Neither a table nor the map's name tells the building, and the folder stands for it.
     """
 
     folder: str
@@ -42,23 +53,27 @@ class Case:
     image: Path
     truth: Path
     building: str
+    resolution: float | None = None
+    is_guess: bool = False
 
 
 @checks_arguments
 def find_cases(
     folders: Iterable[str | os.PathLike[str]], buildings: dict[str, str] | None = None
 ) -> list[Case]:
-    """The maps of folders that have a truth, by name.
+    """The maps of folders that have a truth, by name; a folder that is named twice counts once.
+
+    Maps with the same pixels are of one building, whatever they are called.
 
     Args:
-        folders: Folders with NAME.png and NAME_gt.png.
+        folders: Folders with NAME.png and NAME_gt.png; an `index.csv` inside may give `file` and `m_per_px`.
         buildings: Building of a map by "folder/name" or "name"; else what the name tells (`building_of`),
             and the folder's name where it tells nothing.
 
     Raises:
-        MapError: A folder is missing or holds no such pair.
+        MapError: A folder is missing or holds no such pair, or a map or an index cannot be read.
     """
-    cases = []
+    found: dict[Path, list[tuple[Path, Path]]] = {}
     for folder in map(Path, folders):
         if not folder.is_dir():
             raise MapError(f"{folder}: no such folder")
@@ -69,59 +84,147 @@ def find_cases(
                 pairs.append((image, truth))
         if not pairs:
             raise MapError(f"{folder}: no map NAME.png with its rooms NAME{TRUTH_SUFFIX}.png")
-        known = buildings or {}
+        found.setdefault(folder.resolve(), pairs)
+    cases = []
+    for here, (folder, pairs) in zip(_told_apart([*found]), found.items(), strict=True):
+        scales = read_scales(folder / INDEX)
         for image, truth in pairs:
-            name, here = image.stem, folder.resolve().name
-            building = (
-                known.get(f"{here}/{name}") or known.get(name) or building_of(name, "painted rooms") or here
+            name, known = image.stem, buildings or {}
+            names = (f"{here}/{name}", f"{folder.name}/{name}", name)
+            building = next((known[n] for n in names if known.get(n)), "") or building_of(
+                name, "painted rooms"
             )
-            cases.append(Case(here, name, image, truth, building))
-    return cases
+            scale = scales.get(image.name)
+            cases.append(Case(here, name, image, truth, building or here, scale, is_guess=not building))
+    return _united(cases)
+
+
+def _told_apart(folders: Sequence[Path]) -> list[str]:
+    """The name of each folder, with as many of those above it as tell it from others of its name."""
+    names = []
+    for folder in folders:
+        alike = [other.parts for other in folders if other.name == folder.name]
+        depth = 1
+        while len({parts[-depth:] for parts in alike}) < len(alike):
+            depth += 1
+        names.append("/".join(folder.parts[-depth:]))
+    return names
+
+
+def _united(cases: Sequence[Case]) -> list[Case]:
+    """The cases, those of two buildings that share a picture in one; a name that is told stays."""
+    known = {case.building for case in cases if not case.is_guess}
+    same = {case.building: case.building for case in cases}
+
+    def whole(building: str) -> str:
+        while same[building] != building:
+            building = same[building]
+        return building
+
+    of_picture: dict[bytes, str] = {}
+    for case in cases:
+        first, second = whole(of_picture.setdefault(_digest(case.image), case.building)), whole(case.building)
+        if first not in known and second in known:
+            first, second = second, first
+        same[second] = first
+    return [replace(case, building=whole(case.building)) for case in cases]
+
+
+def _digest(image: Path) -> bytes:
+    """Of the grey levels of an image."""
+    grey = read_image(image)[0]
+    return hashlib.sha256(repr(grey.shape).encode() + grey.tobytes()).digest()
+
+
+@checks_arguments
+def read_scales(index: Path) -> dict[str, float]:
+    """Metres a pixel by the name of the file, as far as an index of maps says it; nothing without an index.
+
+    Args:
+        index: CSV with the columns `file` and `m_per_px`, which may be empty; one of other columns says none.
+
+    Raises:
+        MapError: It cannot be read, or a scale is no number above 0.
+    """
+    if not is_file(index):
+        return {}
+    header, *lines = read_csv(index, error=MapError, what="index of maps") or [[]]
+    if not {"file", "m_per_px"} <= {*header}:
+        return {}
+    name, scale = header.index("file"), header.index("m_per_px")
+    out = {}
+    for line in lines:
+        if len(line) != len(header):
+            raise MapError(f"{index}: a line of {len(line)} values under a header of {len(header)}")
+        if not line[scale]:
+            continue
+        try:
+            out[line[name]] = float(line[scale])
+        except ValueError:
+            raise MapError(f"{index}: m_per_px of {line[name]} is no number: {line[scale]!r}") from None
+        if not 0 < out[line[name]] < math.inf:
+            raise MapError(f"{index}: m_per_px of {line[name]} must be above 0")
+    return out
 
 
 @checks_arguments
 def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, Ints32, Mask]:
     """The grid, the true rooms and the free cells of a map, rows from the lowest y.
 
+    Args:
+        case: The map.
+        resolution: Metres a pixel where the map's folder does not say it.
+
     Raises:
-        MapError: An image cannot be read, no room is painted, or the two differ in size.
+        MapError: An image cannot be read, no room is painted, the two differ in size, or most of the free
+            space is darker than what counts as free.
     """
-    grid = load_grid(case.image, resolution=resolution)
-    pixels = read_pixels(case.truth)
-    truth = truth_labels(pixels)[::-1]
-    free = read_image(case.image)[0][::-1] >= FREE_FROM
+    grid = load_grid(case.image, resolution=case.resolution or resolution)
+    truth = truth_labels(read_levels(case.truth))[::-1]
     if not truth.any():
         raise MapError(
-            f"{case.truth}: no room is painted; "
-            f"each is one colour of 8 bit on more than {MIN_TRUTH_CELLS} pixels"
+            f"{case.truth}: no room is painted; each is one colour of 8 bit on more than {MIN_TRUTH_CELLS} "
+            "pixels, or a grey level of 16 bit"
         )
     if truth.shape != grid.shape:
         raise MapError(f"{case.truth}: {truth.shape} pixels, but the map has {grid.shape}")
+    free = read_image(case.image)[0][::-1] >= FREE_FROM
+    counted, known = (int(np.count_nonzero(mask)) for mask in (free & grid.free, grid.free))
+    if 2 * counted < max(known, 1):
+        raise MapError(
+            f"{case.image}: a pixel counts as free from grey {FREE_FROM} on, and only {counted} of {known} "
+            "free ones are that bright: paint free space 254, occupied 0 and unknown 205"
+        )
     return grid, np.ascontiguousarray(truth), np.ascontiguousarray(free)
 
 
-def truth_labels(image: Bytes) -> Ints32:
+def truth_labels(image: Levels) -> Ints32:
     """Room ids of a truth image: one colour a room; black and rare colours, noise of the borders, are none.
 
     Args:
-        image: uint8 (h, w) or (h, w, 3) or (h, w, 4); of four channels the last is ignored.
+        image: uint8 or uint16 (h, w) or (h, w, 3) or (h, w, 4); of four channels the last is ignored. Grey
+            levels of 16 bit are numbers of rooms, however small; of colours of 16 bit the upper eight count.
 
     Returns:
         int32 (h, w), 1-based by rising colour value.
 
     Raises:
-        MapError: The image is neither grey nor colour of 8 bit.
+        MapError: The image is neither grey nor colour of 8 or 16 bit.
     """
-    if image.dtype != np.uint8 or image.ndim not in (2, 3):
+    if image.dtype not in (np.uint8, np.uint16) or image.ndim not in (2, 3):
         raise MapError(
-            f"a truth image has 8 bit and one to four channels, got {image.dtype} of shape {image.shape}"
+            "a truth image has 8 or 16 bit and one to four channels, "
+            f"got {image.dtype} of shape {image.shape}"
         )
+    is_numbered = image.dtype == np.uint16 and image.ndim == 2
+    if image.dtype == np.uint16 and not is_numbered:
+        image = image // 257
     channels = image[..., None] if image.ndim == 2 else image[..., :3]
     codes = np.zeros(image.shape[:2], np.int64)
     for k in range(channels.shape[2]):
         codes = codes * 256 + channels[..., k]
     counts = np.bincount(codes.ravel())
-    rooms = counts > MIN_TRUTH_CELLS
+    rooms = counts > (0 if is_numbered else MIN_TRUTH_CELLS)
     rooms[0] = False
     ids = np.zeros(len(counts), np.int32)
     ids[rooms] = np.arange(1, int(rooms.sum()) + 1, dtype=np.int32)

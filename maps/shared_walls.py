@@ -89,7 +89,7 @@ def plan_from_outlines(
     check_work(name, "doors and rooms", 0.1 * len(openings) * shapely.get_num_coordinates(shapes).sum())
     walls = walls_along(shapes, name)
     rooms, scraps = floors_between(dict(outlines), walls, {k: labels.get(k, "") for k in outlines})
-    rings = shapely.STRtree([outline.exterior for outline in shapes])
+    rings = shapely.STRtree([rings_of(outline) for outline in shapes])
     shapely.prepare(rings.geometries)
     placed = [_place(outlines, rings, opening) for opening in openings]
     doors = tuple(door for door in placed if door is not None)
@@ -110,7 +110,7 @@ def plan_from_outlines(
 
 
 def _place(outlines: Mapping[int, Polygon], rings: shapely.STRtree, opening: Opening) -> Door | None:
-    """The door in the wall of its rooms, whose prepared exteriors are `rings`; None where no wall is near."""
+    """The door in the wall of its rooms, whose prepared borders are `rings`; None where no wall is near."""
     place = shapely.Point(opening.place)
     (x, y), far = opening.place, 2.0 * WALL_REACH
     close = np.sort(rings.query(shapely.box(x - far, y - far, x + far, y + far)))
@@ -137,13 +137,26 @@ def _point_of(values: Floats) -> Point:
     return float(values[0]), float(values[1])
 
 
+def rings_of(outline: Polygon) -> BaseGeometry:
+    """The border of a room: its outer ring, and those of what it runs round.
+
+    Example:
+        >>> corridor = shapely.box(0, 0, 9, 9) - shapely.box(2, 2, 7, 7)
+        >>> rings_of(corridor).distance(shapely.Point(2, 4)), rings_of(corridor).length
+        (0.0, 56.0)
+    """
+    if not outline.interiors:
+        return outline.exterior
+    return shapely.MultiLineString([outline.exterior, *outline.interiors])
+
+
 def walls_along(outlines: list[Polygon], name: str) -> BaseGeometry:
     """Walls along all outlines of the plan of a name, and what fills the slits between neighbouring rooms.
 
     Raises:
         MapError: The outlines lie so close to each other that walls of this thickness are a single tangle.
     """
-    lines = shapely.union_all([outline.exterior for outline in outlines])
+    lines = shapely.union_all([rings_of(outline) for outline in outlines])
     rooms = shapely.union_all(outlines)
     check_crowding(name, [lines], WALL_THICKNESS)
     check_crowding(name, [rooms], CLOSED_GAP)
@@ -221,8 +234,9 @@ def place_door(
 
 def _wall_at(outline: Polygon, place: Point) -> tuple[Floats, Floats]:
     """The point of an outline nearest to a place, and the direction of the longest edge near it."""
-    points = shapely.get_coordinates(outline.exterior)
-    away = distances_to_edges(points, *place)
+    # What lies between the last point of a ring and the first of the next is no edge.
+    points, ring = shapely.get_coordinates(shapely.get_parts(rings_of(outline)), return_index=True)
+    away = np.where(np.diff(ring) == 0, distances_to_edges(points, *place), np.inf)
     # Of thousands of edges only those are made into shapes that may be among the nearest.
     close = np.flatnonzero(away <= away.min() + 0.1)
     ends = np.stack([points[close], points[close + 1]], axis=1)

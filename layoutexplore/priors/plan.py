@@ -64,7 +64,7 @@ class PriorHints:
 
     Attributes:
         scale: What one metre of the plan is in the world, or one pixel of a picture; metres.
-        rotation: Degrees counter-clockwise by which the plan is turned into the map, within 10 degrees.
+        rotation: Degrees counter-clockwise by which the plan is turned into the map, within 45 degrees.
         mirror: Whether the plan is drawn as in a mirror.
         here: Point (x, y) of the plan, in its metres or pixels from the lower left, where the robot starts.
 

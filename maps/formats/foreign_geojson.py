@@ -3,14 +3,13 @@
 What a feature is may stand in a property (`kind`); without one, polygons are rooms, and lines of up to 10 m
 and points are doors. A door drawn as a line is as wide as the line, one drawn as a polygon as wide as its
 longer side, a point 0.9 m. The names of the properties are the user's: `columns` says which mean what.
-Coordinates are metres; degrees are recognised and projected, other coordinate systems are not.
+Coordinates are metres; degrees and Web Mercator are projected (`coordinates`).
 """
 
 from __future__ import annotations
 
 import math
 import os
-import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,13 +19,13 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import ConfigError, MapError, MapWarning, checks_arguments, shortened
+from layoutexplore.errors import ConfigError, MapError, checks_arguments, shortened
 from layoutexplore.files import read_json
 from layoutexplore.files.reading import is_file
-from layoutexplore.grids.ros_map import RESOLUTIONS
+from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.formats.geographic import LocalFrame, looks_geographic
-from layoutexplore.maps.formats.polygons import Dropped, geometry_of, mended
+from layoutexplore.maps.formats.coordinates import declared_crs, in_metres
+from layoutexplore.maps.formats.polygons import Dropped, geometry_of, mended, room_parts
 from layoutexplore.maps.formats.wall_plans import plan_from_walls
 from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
 from layoutexplore.maps.sizes import check_count, check_outlines
@@ -46,8 +45,12 @@ FLOOR_KINDS = ("building_outline", "floor_outline", "footprint")
 
 _NO_AREAS = ("Point", "MultiPoint", "LineString", "MultiLineString")
 
-LONGEST_DOOR, LARGEST_EXTENT = 10.0, 5_000.0
-"""Metres; longer lines are no doors, and a building this large is measured in something else than metres."""
+LONGEST_DOOR = 10.0
+"""Metres; longer lines are no doors."""
+
+_LONGEST_NAME = 1000
+_NO_BUILDINGS = ("yes", "true")
+"""Values of `building` in OpenStreetMap, which say that there is one."""
 
 
 class _Part(NamedTuple):
@@ -72,14 +75,16 @@ def load_foreign_geojson(
         columns: What means what: "room" -> the property with a room's label, "kind" -> the one that says
             what a feature is, "width" -> the one with a door's width, in what the file measures in.
         data: What the file holds, where that is known already.
-        unit: Metres of what the file measures in; 1 when None. Projected degrees are as many times as large.
+        unit: Metres of what the file measures in; 1 when None. What is projected is as many times as large.
 
     Raises:
-        MapError: It holds no polygon, is not in metres or degrees, or several floors lie on each other.
+        MapError: It holds no polygon, declares to be in feet while no unit is given, is not in metres or
+            degrees, or several floors lie on each other.
         ConfigError: A column that is named is in no feature, or nothing of that name is looked for.
 
     Warns:
-        MapWarning: Degrees were projected; features were left out or mended.
+        MapWarning: Coordinates were projected, or that they are metres is a guess; features were left out
+            or mended.
     """
     path = Path(path)
     data = read_json(path) if data is None else data
@@ -90,7 +95,9 @@ def load_foreign_geojson(
         raise MapError(f"{path}: must be a GeoJSON FeatureCollection")
     parts = list(_parts(features, names, dropped))
     _check_one_floor(parts, path)
-    parts = _in_metres(parts, path, unit)
+    shapes = in_metres([part.geometry for part in parts], path, declared_crs(data), unit)
+    parts = [part._replace(geometry=shape) for part, shape in zip(parts, shapes, strict=True)]
+    building = _building(data, parts, path)
     metadata = {"format": "GeoJSON of another program"}
     if unit is not None:
         metadata["scale"] = f"{unit:g} m a unit (as given)"
@@ -102,7 +109,7 @@ def load_foreign_geojson(
     if floor := [part.geometry for part in parts if part.kind in FLOOR_KINDS]:
         check_outlines(str(path), floor)
         whole = [polygon for part in floor for polygon in mended(part, dropped)]
-        return _from_walls(path, parts, shapely.union_all(whole), dropped, metadata)
+        return _from_walls(path, parts, shapely.union_all(whole), dropped, building, metadata)
     outlines: dict[int, Polygon] = {}
     labels: dict[int, str] = {}
     openings: list[Opening] = []
@@ -113,13 +120,15 @@ def load_foreign_geojson(
         elif not _is_room(part):
             dropped.add(f"{part.geometry.geom_type} features of kind {shortened(part.kind)} are left out")
         else:
-            for outline in mended(part.geometry, dropped)[:1]:
+            for outline in room_parts(part.geometry, dropped):
                 labels[len(outlines) + 1] = str(_first(part.properties, names["room"]) or "")
                 outlines[len(outlines) + 1] = outline
     dropped.warn()
     if not outlines:
         raise MapError(f"{path}: no polygon that could be a room (--column kind=NAME names the property)")
-    return plan_from_outlines(outlines, labels, openings, name=path.stem, metadata=metadata)
+    return plan_from_outlines(
+        outlines, labels, openings, name=path.stem, building=building, metadata=metadata
+    )
 
 
 @checks_arguments
@@ -131,12 +140,27 @@ def has_areas(data: Any) -> bool:
     return any(isinstance(shape, dict) and shape.get("type") not in _NO_AREAS for shape in shapes)
 
 
+def _building(data: Mapping[str, Any], parts: list[_Part], path: Path) -> str:
+    """The building that a file is a floor of: as it says, else as all its rooms say, else by its name."""
+    of_rooms = {str(part.properties.get("building") or "") for part in parts if _is_room(part)}
+    for told in (data.get("building"), of_rooms.pop() if len(of_rooms) == 1 else ""):
+        name = str(told) if told and isinstance(told, (str, int, float)) else ""
+        if 0 < len(name) <= _LONGEST_NAME and name.lower() not in _NO_BUILDINGS:
+            return name
+    return building_of(path.stem, "geojson") or path.resolve().parent.name
+
+
 def _is_room(part: _Part) -> bool:
     return part.geometry.geom_type == "Polygon" and part.kind not in (*DOOR_KINDS, *WALL_KINDS)
 
 
 def _from_walls(
-    path: Path, parts: list[_Part], floor: BaseGeometry, dropped: Dropped, metadata: dict[str, str]
+    path: Path,
+    parts: list[_Part],
+    floor: BaseGeometry,
+    dropped: Dropped,
+    building: str,
+    metadata: dict[str, str],
 ) -> FloorPlan:
     """A plan of walls and doors with a thickness inside of an outline of the floor."""
     solid, doors, places = list[BaseGeometry](), list[LineString](), list[tuple[str, Polygon]]()
@@ -159,6 +183,7 @@ def _from_walls(
         shapely.union_all(solid),
         [line for line in doors if 0.0 < line.length <= LONGEST_DOOR],
         name=path.stem,
+        building=building,
         places=places,
         metadata=metadata,
     )
@@ -209,36 +234,6 @@ def _check_one_floor(parts: list[_Part], path: Path) -> None:
             f"{path}: its features are on {len(floors)} floors (level_id), which would lie on each other: "
             f"{advice} (IMDF), or save each floor in a file of its own"
         )
-
-
-def _in_metres(parts: list[_Part], path: Path, unit: float | None) -> list[_Part]:
-    """The parts in metres, degrees projected; `unit` times as large where a unit is given.
-
-    Raises:
-        MapError: They are neither in metres nor in degrees, or it is no unit of a drawing.
-    """
-    everything = shapely.GeometryCollection([part.geometry for part in parts])
-    degrees = looks_geographic(everything)
-    if degrees:
-        warnings.warn(f"{path}: longitude and latitude are projected to metres", MapWarning, stacklevel=3)
-        frame = LocalFrame.around(shapely.get_coordinates(everything))
-        parts = [part._replace(geometry=frame.project(part.geometry)) for part in parts]
-    if unit is not None:
-        if not RESOLUTIONS[0] <= unit <= RESOLUTIONS[1]:
-            raise MapError(f"{path}: {unit:g} m is no unit of a drawing: see --scale-by or --resolution")
-        parts = [part._replace(geometry=_times(part.geometry, unit)) for part in parts]
-    x0, y0, x1, y1 = (unit or 1.0) * np.array(everything.bounds if parts else (0.0, 0.0, 0.0, 0.0))
-    if not degrees and max(x1 - x0, y1 - y0) > LARGEST_EXTENT:
-        raise MapError(
-            f"{path}: {x1 - x0:.0f} x {y1 - y0:.0f} is no size of a building in metres: export it in metres "
-            "(a UTM zone) or as longitude and latitude (WGS84)"
-        )
-    return parts
-
-
-def _times(geometry: BaseGeometry, factor: float) -> BaseGeometry:
-    """A geometry, every coordinate times a factor."""
-    return shapely.transform(geometry, lambda points: points * factor)
 
 
 def _opening(part: _Part, names: dict[str, tuple[str, ...]], dropped: Dropped, unit: float) -> list[Opening]:

@@ -20,7 +20,7 @@ from layoutexplore.files.schema import Anything, Items, Number, Record, Schema, 
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.geographic import LocalFrame
 from layoutexplore.maps.formats.levels import choose_level
-from layoutexplore.maps.formats.polygons import Dropped, geometry_of, mended
+from layoutexplore.maps.formats.polygons import Dropped, geometry_of, room_parts
 from layoutexplore.maps.shared_walls import Opening, plan_from_outlines
 from layoutexplore.maps.sizes import check_count
 
@@ -81,7 +81,7 @@ def load_imdf(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
         category = str(feature["properties"].get("category") or "")[:_LONGEST_NAME]
         if category in NO_ROOM:
             continue
-        for outline in mended(frame.project(shape), dropped)[:1]:
+        for outline in room_parts(frame.project(shape), dropped):
             number = len(outlines) + 1
             outlines[number] = outline
             labels[number] = "corridor" if category in CORRIDORS else category

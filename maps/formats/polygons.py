@@ -20,6 +20,9 @@ from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines
 LEAST_AREA = 0.05
 """Square metres; smaller parts of a polygon are slips of a hand."""
 
+LEAST_ROOM = 1.0
+"""Square metres; smaller parts of a room that fell apart are no rooms of their own."""
+
 MOST_KINDS = 20
 """Of what is left out or mended, that one warning names: a file may have made up thousands."""
 
@@ -91,3 +94,26 @@ def mended(shape: BaseGeometry, dropped: Dropped) -> list[Polygon]:
     if not parts:
         dropped.add("polygons without area are left out")
     return sorted(parts, key=lambda part: -part.area)
+
+
+@checks_arguments
+def room_parts(shape: BaseGeometry, dropped: Dropped) -> list[Polygon]:
+    """The rooms that the shape of one is, the largest first: several where it falls apart, as a bow tie does.
+
+    Args:
+        shape: Polygons in metres, valid or not.
+        dropped: Is told of shapes that cross themselves or have no area, and of parts too small for a room.
+
+    Raises:
+        MapError: As of `mended`.
+
+    Example:
+        >>> bow = Polygon([(0, 0), (4, 3), (4, 0), (0, 3)])
+        >>> [part.area for part in room_parts(bow, Dropped("a.geojson"))]
+        [3.0, 3.0]
+    """
+    parts = mended(shape, dropped)
+    rooms = [part for k, part in enumerate(parts) if k == 0 or part.area >= LEAST_ROOM]
+    for _ in parts[len(rooms) :]:
+        dropped.add("parts of rooms are left out")
+    return rooms

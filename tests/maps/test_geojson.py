@@ -14,7 +14,7 @@ import shapely
 from layoutexplore.errors import MapError
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
-from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.geojson import FORMAT, save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.plans import CORNER
 
@@ -103,14 +103,17 @@ ROOM = feature("room", SQUARE, id=1)
         (geojson(ROOM, units="ft"), "units"),
         (geojson(ROOM, metadata=[1]), "metadata"),
         (geojson(ROOM, "oops"), "feature 1: must be a Feature"),  # type: ignore[arg-type]
-        (geojson(feature("roof", SQUARE)), "feature 0: kind must be one of"),
+        (geojson(ROOM, feature("roof", SQUARE)), "feature 1: kind must be one of"),
+        (geojson(ROOM, feature("roof", SQUARE)), "--column room=NAME"),
+        (geojson(feature("roof", SQUARE), format=FORMAT), r"kind must be one of[^(]*$"),
         (geojson(feature("room", None, id=1)), r"feature 0 \(room\): geometry must be a Polygon"),
         (
             geojson(feature("room", LINE, id=1)),
             r"feature 0 \(room\): geometry must be a Polygon, got 'LineString'",
         ),
         (geojson(feature("room", BOW, id=1)), r"feature 0 \(room\): Self-intersection"),
-        (geojson(feature("room", SQUARE)), r"feature 0 \(room\): id must be a whole number"),
+        (geojson(feature("room", SQUARE, id=1.5)), r"feature 0 \(room\): id must be a whole number"),
+        (geojson(feature("room", SQUARE), format=FORMAT), r"feature 0 \(room\): id must be a whole number"),
         (geojson(feature("room", SQUARE, id=1, label=3)), "label must be a string"),
         (geojson(ROOM, ROOM), "room ids"),
         (geojson(feature("room", {"type": "Polygon", "coordinates": []}, id=1)), "empty"),

@@ -72,6 +72,17 @@ def test_names_splits_and_seeds() -> None:
         plan_names("trian")
 
 
+@pytest.mark.parametrize("load", [load_plan, cached_plan])
+def test_several_plans_are_not_one(load: Callable[[Any], object]) -> None:
+    for split, names in splits().items():
+        with pytest.raises(MapError, match=rf"^{split}: is a split of {len(names)} .* as {names[0]}, "):
+            load(split)
+    with pytest.raises(MapError, match=r"office:0-3: is a range of 4 .* one of them, as office:0, office:1"):
+        load("office:0-3")
+    with pytest.raises(UnknownNameError, match="did you mean 'office'"):
+        load("ofice:0-3")
+
+
 @pytest.mark.parametrize("load", [load_plan, expand_plans])
 def test_unknown_names_and_files(tmp_path: Path, load: Callable[[Any], object]) -> None:
     with pytest.raises(UnknownNameError, match="office:SEED"):

@@ -45,6 +45,45 @@ def test_a_row_of_rooms_can_be_walked_through_its_doors(
     assert share_reached(shut) < 0.99
 
 
+@settings(deadline=None, max_examples=20)
+@given(
+    st.floats(2.0, 4.0),
+    st.lists(st.floats(3.0, 6.0), min_size=1, max_size=3),
+    st.floats(0.3, 0.7),
+    st.just(0.0) | st.floats(0.01, 0.3),
+    st.sampled_from([0.0, 17.0, 45.0, 80.0]),
+)
+def test_a_corridor_round_a_core_has_doors_to_the_rooms_in_it(
+    wide: float, sides: list[float], share: float, slit: float, turned: float
+) -> None:
+    """Whatever the sizes, where the doors are and how the floor is turned; none leads outside."""
+    hole = shapely.box(0, 0, sum(sides), 5.0)
+    outlines, places, left = {1: shapely.box(-wide, -wide, sum(sides) + wide, 5.0 + wide) - hole}, [], 0.0
+    for number, side in enumerate(sides, start=2):
+        outlines[number] = shapely.box(left + slit / 2, slit / 2, left + side - slit / 2, 5.0 - slit / 2)
+        places.append(shapely.Point(left + share * side, 0.0 if number % 2 else 5.0))
+        left += side
+    outlines = {k: shapely.affinity.rotate(v, turned, origin=(0, 0)) for k, v in outlines.items()}
+    places = [shapely.affinity.rotate(place, turned, origin=(0, 0)) for place in places]
+    plan = plan_from_outlines(outlines, {}, [Opening((p.x, p.y)) for p in places], name="core")
+    assert [door.rooms for door in plan.doors] == [(1, number) for number in range(2, len(sides) + 2)]
+    middles = [shapely.Point(np.mean([door.start, door.end], axis=0)) for door in plan.doors]
+    assert all(middle.distance(place) < 0.5 for middle, place in zip(middles, places, strict=True))
+    assert share_reached(plan) > 0.98
+
+
+def test_holes_have_walls_and_no_edge_lies_between_rings() -> None:
+    """The hole of a courtyard is as much a wall as the outside, and the way from ring to ring is none."""
+    yard = shapely.box(0, 0, 30, 30) - shapely.box(10, 10, 20, 20) - shapely.box(22, 22, 26, 26)
+    walls = walls_along([yard], "yard")
+    along = shapely.union_all([shapely.LineString(ring.coords) for ring in (yard.exterior, *yard.interiors)])
+    assert walls.hausdorff_distance(along) < 0.15
+    with pytest.warns(MapWarning, match="1 of 2 doors"):
+        plan = plan_from_outlines({1: yard}, {}, [Opening((15.0, 10.2)), Opening((5.0, 5.0))], name="yard")
+    (door,) = plan.doors
+    assert door.rooms == (0, 1) and {round(y, 6) for _, y in (door.start, door.end)} == {10.0}
+
+
 def test_doors_to_the_outside_and_doors_on_no_wall() -> None:
     room = {5: shapely.box(0, 0, 6, 4)}
     with pytest.warns(MapWarning, match="1 of 2 doors lie on no wall"):

@@ -119,7 +119,7 @@ def test_what_is_dropped_is_said(tmp_path: Path) -> None:
     for part in parts:
         assert part in said, part
     assert "1 of 3 doors lie on no wall" in said
-    assert len(plan.rooms) == 3 and len(plan.doors) == 2
+    assert len(plan.rooms) == 4 and len(plan.doors) == 2
     with pytest.raises(MapError, match="no polygon that could be a room"):
         load_plan(write(tmp_path, (Point(1, 1), {})))
 
@@ -231,3 +231,74 @@ def test_floors_that_would_lie_on_each_other_are_told(tmp_path: Path) -> None:
     with pytest.raises(MapError, match=f"give the folder {tmp_path} "):
         load_plan(path)
     assert len(load_plan(write(tmp_path, *rooms[:1])).rooms) == 1
+
+
+def test_the_coordinate_system_that_a_file_declares_is_heard(tmp_path: Path) -> None:
+    path = write(tmp_path, (box(1e6, 6.6e6, 1e6 + 16, 6.6e6 + 8), {}))
+    text = path.read_text()
+    path.write_text(text.replace("25833", "3857"))
+    with pytest.warns(MapWarning, match="Web Mercator"):
+        x0, _, x1, _ = load_plan(path).bounds
+    assert x1 - x0 == pytest.approx(16 * 0.631 + 0.2, abs=0.02)
+    path.write_text(text.replace("25833", "2263"))
+    with pytest.raises(MapError, match="are feet"):
+        load_plan(path)
+    assert load_plan(path, resolution=0.3048).bounds[2] == pytest.approx((1e6 + 16) * 0.3048 + 0.1)
+
+
+def test_every_part_of_a_room_that_falls_apart_is_a_room(tmp_path: Path) -> None:
+    bow = Polygon([(0, 0), (5, 4), (5, 0), (0, 4)])
+    uneven = Polygon([(10, 0), (15, 4), (15, 0), (13.2, 3)])
+    path = write(tmp_path, (bow, {"name": "hall"}), (uneven, {"name": "store"}))
+    with pytest.warns(MapWarning, match="2 polygons crossed themselves.* 1 parts of rooms are left out"):
+        plan = load_plan(path)
+    assert [room.label for room in plan.rooms] == ["hall", "hall", "store"]
+
+
+def test_floors_of_a_building_name_it(tmp_path: Path) -> None:
+    floors = [write(tmp_path, *ROOMS, name=f"house-floor-{floor}") for floor in ("gf", "1", "2")]
+    assert {load_plan(floor).building for floor in floors} == {"house"}
+    assert {load_plan(floor).name for floor in floors} == {"house-floor-gf", "house-floor-1", "house-floor-2"}
+    (tmp_path / "school").mkdir()
+    assert load_plan(write(tmp_path / "school", *ROOMS, name="level-1")).building == "school"
+    walls = write(tmp_path, (box(0, 0, 9, 9), {"type": "building_outline"}), name="mill_3")
+    assert load_plan(walls).building == "mill"
+
+
+@pytest.mark.parametrize(
+    ("whole", "rooms", "building"),
+    [
+        ("Annex", ["a", "b"], "Annex"),
+        (7, ["a", "a"], "7"),
+        (None, ["Annex", "Annex"], "Annex"),
+        (None, ["a", "b"], "house"),
+        (None, ["Annex", None], "house"),
+        (None, ["yes", "yes"], "house"),
+        (["x"], [None, None], "house"),
+        ("x" * 2000, [None, None], "house"),
+    ],
+)
+def test_a_building_that_is_named_comes_first(
+    tmp_path: Path, whole: Any, rooms: list[str | None], building: str
+) -> None:
+    left, right = ((shape, {"building": name}) for (shape, _), name in zip(ROOMS[:2], rooms, strict=True))
+    path = write(tmp_path, left, right, name="house-1")
+    path.write_text(json.dumps({**json.loads(path.read_text()), "building": whole}))
+    assert load_plan(path).building == building
+
+
+@pytest.mark.parametrize("kinds", [("office", None, "door"), ("room", "room", "door"), ("room", "x", None)])
+def test_a_property_that_is_called_kind_makes_no_file_ours(
+    tmp_path: Path, kinds: tuple[str | None, ...]
+) -> None:
+    shapes = (box(0, 0, 4, 5), box(4, 0, 9, 5), LineString([(4, 2), (4, 3)]))
+    parts = ((shape, {"kind": kind, "name": "A"}) for shape, kind in zip(shapes, kinds, strict=True))
+    plan = load_plan(write(tmp_path, *parts))
+    assert len(plan.rooms) == 2 and [door.rooms for door in plan.doors] == [(1, 2)]
+
+
+def test_a_file_that_looks_like_ours_is_told_of_columns(tmp_path: Path) -> None:
+    path = write(tmp_path, (box(0, 0, 4, 5), {"kind": "room", "id": 1}), (Point(4, 2), {"kind": "door"}))
+    with pytest.raises(MapError, match=r"feature 1 \(door\): geometry must be .*--column room=NAME"):
+        load_plan(path)
+    assert len(load_plan(path, columns={"kind": "kind"}).rooms) == 1
