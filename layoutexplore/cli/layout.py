@@ -138,8 +138,8 @@ def _say(summary: dict[str, Any] | str, as_json: bool) -> bool:
     scale = f", {summary['scale']}" if summary["scale"] else ""
     score = "" if summary["structure_score"] is None else f", W {summary['structure_score']:.2f}"
     typer.echo(
-        f"{summary['map']}: {counted(summary['rooms'], 'room')}, {summary['room_area']:.0f} m2{score}, "
-        f"{summary['ms']:.0f} ms{scale} -> {summary['labels']}{note}"
+        f"{summary['map']}: {counted(summary['rooms'], 'room')}, {summary['free_area']:.0f} m2 of floor"
+        f"{score}, {summary['ms']:.0f} ms{scale} -> {summary['labels']}{note}"
     )
     return False
 
@@ -178,6 +178,7 @@ def _reconstruct(item: tuple[Path, str, PictureConfig, Path]) -> dict[str, Any]:
         "method": method,
         "rooms": len(found.rooms),
         "room_area": round(sum(room.area for room in found.rooms), 3),
+        "free_area": round(sum(found.free_areas.values()), 3),
         "structure_score": None if np.isnan(found.structure_score) else round(found.structure_score, 4),
         "scale": said_scale(config.resolution) if path.suffix.lower() in IMAGE_SUFFIXES else "",
         "ms": round(1000 * found.seconds, 2),

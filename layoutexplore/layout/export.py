@@ -18,11 +18,13 @@ def layout_to_geojson(layout: Layout) -> dict[str, Any]:
     Every feature has a property `kind` ("room", "face", "line" or "wall"); the collection's `layout` member
     holds the method, the directions in degrees, the structure score and the warnings. A face's `neighbours`
     are objects of the neighbour's id (`face`) and the share of the common boundary that seen wall covers
-    (`weight`).
+    (`weight`). A room has the `area` of its polygon and its `free_area` (`Layout.free_areas`), both in square
+    metres.
     """
     check_kind("layout", layout, Layout)
+    free = layout.free_areas
     features = [
-        *(_feature(room.polygon, "room", **_room(room)) for room in layout.rooms),
+        *(_feature(room.polygon, "room", **_room(room, free[room.id])) for room in layout.rooms),
         *(
             _feature(
                 face.polygon,
@@ -77,10 +79,11 @@ def _neighbours(face: Face) -> list[dict[str, Any]]:
     ]
 
 
-def _room(room: LayoutRoom) -> dict[str, Any]:
+def _room(room: LayoutRoom, free: float) -> dict[str, Any]:
     return {
         "id": room.id,
         "area": round(room.area, 4),
+        "free_area": round(free, 4),
         "seen_share": round(room.seen_share, 4),
         "partial": room.is_partial,
         "closed": room.is_closed,

@@ -166,7 +166,7 @@ def _completed(shipped: Decision, foreseen: Foresight) -> Decision:
     assert shipped.rooms is not None
     cells, table = shipped.grid.cells, shipped.table
     passable = (cells == FREE) | foreseen.hidden(cells)
-    ids = _owners(shipped.rooms.sketch, foreseen, cells)[foreseen.room_ids]
+    ids = owners_of(shipped.rooms.sketch, foreseen, cells, alone=True)[foreseen.room_ids]
     classes = classify_frontiers(cells, shipped.clusters, ids, passable, foreseen.resolution)
     told = classes.room > 0
     rooms = np.array([frontier.room or 0 for frontier in shipped.frontiers], np.int32)
@@ -212,7 +212,7 @@ def _joined(found: RoomLabels, foreseen: Foresight, decision: Decision) -> RoomL
     ids = found.room_ids
     if found.rest:
         ids = np.where(ids == found.rest, np.int32(0), ids)
-    owner = _owners(ids, foreseen, cells)
+    owner = owners_of(ids, foreseen, cells)
     unseen = cells == UNKNOWN
     shown = unseen & (foreseen.cells != UNKNOWN)
     joined = np.where(shown, owner[foreseen.room_ids], ids).astype(np.int32)
@@ -220,19 +220,26 @@ def _joined(found: RoomLabels, foreseen: Foresight, decision: Decision) -> RoomL
     return RoomLabels(joined, np.asarray(passable, np.bool_))
 
 
-def _owners(ids: Ints32, foreseen: Foresight, cells: Cells) -> Ints32:
+def owners_of(ids: Ints32, foreseen: Foresight, cells: Cells, *, alone: bool = False) -> Ints32:
     """int32 (highest foreseen id + 1,): the room that each foreseen one is; a new id where it is none.
 
     Args:
         ids: int32 (rows, cols), rooms of seen cells.
         foreseen: What is foreseen.
         cells: int8 (rows, cols), what is known.
+        alone: Whether a room is one foreseen room at most, the one of which most is seen; otherwise two
+            foreseen rooms that are seen as one become one.
     """
     top, rooms = int(ids.max(initial=0)) + 1, int(foreseen.room_ids.max(initial=0)) + 1
     both = (cells == FREE) & (ids > 0) & (foreseen.room_ids > 0)
     pairs = foreseen.room_ids[both].astype(np.int64) * top + ids[both]
     counts = np.bincount(pairs, minlength=rooms * top).reshape(rooms, top)
-    owner = np.where(counts.any(axis=1), counts.argmax(axis=1), top + np.arange(rooms)).astype(np.int32)
+    owner, seen = counts.argmax(axis=1), counts.max(axis=1)
+    owned = seen > 0
+    if alone:
+        rising = np.lexsort((seen, owner))
+        owned[rising[:-1]] &= np.diff(owner[rising]) > 0
+    owner = np.where(owned, owner, top + np.arange(rooms)).astype(np.int32)
     owner[0] = 0
     return owner
 

@@ -78,6 +78,13 @@ def check(layout: Layout, grid: OccupancyGrid) -> None:
     assert np.array_equal(np.unique(layout.labels[layout.labels > 0]), [room.id for room in layout.rooms])
     for room in layout.rooms:
         assert room.polygon.is_valid and room.area > 0 and 0 <= room.seen_share <= 1
+    for room in layout.rooms:
+        free = np.count_nonzero((layout.labels == room.id) & layout.clean_grid.free) * grid.resolution**2
+        assert layout.free_areas[room.id] == pytest.approx(free)
+    told = [
+        f["properties"] for f in layout_to_geojson(layout)["features"] if f["properties"]["kind"] == "room"
+    ]
+    assert [one["free_area"] for one in told] == pytest.approx(list(layout.free_areas.values()), abs=1e-4)
     for a, b in combinations(layout.rooms, 2):
         assert a.polygon.intersection(b.polygon).area < 1e-6
     assert layout.rooms or layout.warnings or layout.method == "rose"

@@ -10,10 +10,12 @@ import pytest
 from layoutexplore.agents import make_agent
 from layoutexplore.errors import ConfigError, LayoutExploreError, UnknownNameError
 from layoutexplore.frontiers.decision import Decision
+from layoutexplore.frontiers.foresight import Foresight
+from layoutexplore.grids.grid import FREE, UNKNOWN
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.predictors import make_predictor
 from layoutexplore.predictors.learned import LearnedPredictor
-from layoutexplore.predictors.prior_plan import SURE, PriorPredictor, predictor_of_prior
+from layoutexplore.predictors.prior_plan import SURE, PriorPredictor, owners_of, predictor_of_prior
 from layoutexplore.priors.registration import Registration
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.saved_run import read_saved_run, save_simulation
@@ -164,3 +166,18 @@ def test_a_run_goes_on_as_if_it_had_not_been_stopped(agent: str, tmp_path: Path)
         return simulation.track.tolist(), predictor.confidence
 
     assert explored(pause=5) == explored(pause=-1)
+
+
+def test_foreseen_rooms_that_are_seen_as_one_are_judged_apart() -> None:
+    seen = np.full((3, 12), UNKNOWN, np.int8)
+    seen[:, 3:8] = FREE
+    rooms = np.where(np.arange(12) < 6, 1, 2).astype(np.int32) * np.ones((3, 1), np.int32)
+    foreseen = Foresight(
+        cells=np.zeros((3, 12), np.int8), room_ids=rooms, confidence=1.0, predictor="prior", resolution=0.1
+    )
+    sketch = np.where(seen == FREE, 4, 0).astype(np.int32)
+    assert owners_of(sketch, foreseen, seen).tolist() == [0, 4, 4], "one room is drawn"
+    owner = owners_of(sketch, foreseen, seen, alone=True).tolist()
+    assert owner[:2] == [0, 4] and owner[2] > 4, "most of what is seen is of the first"
+    nothing = owners_of(np.zeros_like(sketch), foreseen, seen, alone=True).tolist()
+    assert nothing[0] == 0 and len(set(nothing)) == 3
