@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.benchmark.rows import Row
-from layoutexplore.errors import checks_arguments
+from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.grids.arrays import Floats, shows_shapes
 from layoutexplore.metrics.exploration import coverage_at, mean_coverage
 from layoutexplore.metrics.statistics import (
@@ -30,6 +30,9 @@ from layoutexplore.metrics.statistics import (
 
 METRICS = ("d90", "d95", "d99")
 """The distances that are compared; d95 is the headline, d99 its guard."""
+
+HEADLINE = "d95"
+"""The distance that agents are ranked by, where runs were not ended below it."""
 
 POOLED = "all sensors"
 """Name of the group that holds the cells of every sensor."""
@@ -116,12 +119,73 @@ class PooledCurve:
     cells: int
 
 
+@dataclass(frozen=True, kw_only=True)
+class FailedRuns:
+    """The runs of one agent that ended in an error.
+
+    Attributes:
+        agent: The strategy.
+        failed: How many of its runs failed.
+        runs: How many runs it has.
+        error: What the first of them says.
+    """
+
+    agent: str
+    failed: int
+    runs: int
+    error: str
+
+    def __str__(self) -> str:
+        if self.runs == 1:
+            return f"{self.agent}: its only run failed with {self.error}"
+        which = f"all {self.runs}" if self.failed == self.runs else f"{self.failed} of {self.runs}"
+        return f"{self.agent}: {which} runs failed, first with {self.error}"
+
+
 def groups(rows: Iterable[Row]) -> dict[str, list[Row]]:
     """The runs that ended well by sensor; where there are several, all of them under `POOLED` first."""
     good = [row for row in rows if not row.error]
     sensors = sorted({row.sensor for row in good})
     parts = {sensor: [row for row in good if row.sensor == sensor] for sensor in sensors}
     return {POOLED: good, **parts} if len(sensors) > 1 else parts
+
+
+def measured_levels(rows: Iterable[Row]) -> tuple[str, ...]:
+    """Those of `METRICS` that every run that ended well has: runs are ended below the others.
+
+    A level that only some runs have is one that their last scans happened to see.
+    """
+    good = [row for row in rows if not row.error]
+    return tuple(m for m in METRICS if good and not any(math.isnan(getattr(row, m)) for row in good))
+
+
+def headline_level(rows: Iterable[Row]) -> str:
+    """What agents are ranked by: `HEADLINE`, or the highest level below that was measured; "" without one."""
+    below = METRICS[: METRICS.index(HEADLINE) + 1]
+    return next((m for m in reversed(measured_levels(rows)) if m in below), "")
+
+
+def cells_of_agents(rows: Iterable[Row]) -> dict[str, set[CellKey]]:
+    """The cells in which each agent ended well; none for one that always failed."""
+    found: dict[str, set[CellKey]] = {}
+    for row in rows:
+        cells = found.setdefault(row.agent, set())
+        if not row.error:
+            cells.add(_cell(row))
+    return found
+
+
+def failed_runs(rows: Iterable[Row]) -> list[FailedRuns]:
+    """A line an agent of which a run failed, sorted by name."""
+    every: dict[str, list[Row]] = {}
+    for row in rows:
+        every.setdefault(row.agent, []).append(row)
+    found = []
+    for agent, mine in sorted(every.items()):
+        errors = [row.error for row in mine if row.error]
+        if errors:
+            found.append(FailedRuns(agent=agent, failed=len(errors), runs=len(mine), error=errors[0]))
+    return found
 
 
 @checks_arguments
@@ -131,20 +195,39 @@ def compare(rows: Iterable[Row], baseline: str) -> list[Comparison]:
     Levels that were not measured (the runs were ended below them) are left out.
 
     Args:
-        rows: The runs.
+        rows: The runs of one results folder.
         baseline: The agent to compare with.
+
+    Raises:
+        ConfigError: An agent has two runs in one cell, as where rows of several folders are put together.
     """
+    rows = list(rows)
+    _check_cells(rows)
+    levels = measured_levels(rows)
     found = []
     for sensor, part in groups(rows).items():
         base = {_cell(row): row for row in part if row.agent == baseline}
         for agent in agents_of(part):
-            mine = [row for row in part if row.agent == agent and _cell(row) in base]
-            for metric in METRICS:
-                pairs = [(row, base[_cell(row)]) for row in mine if not math.isnan(getattr(row, metric))]
-                pairs = [(row, other) for row, other in pairs if not math.isnan(getattr(other, metric))]
-                if pairs:
-                    found.append(_comparison(sensor, agent, metric, pairs))
+            pairs = [(row, base[_cell(row)]) for row in part if row.agent == agent and _cell(row) in base]
+            if pairs:
+                found += [_comparison(sensor, agent, metric, pairs) for metric in levels]
     return found
+
+
+def _check_cells(rows: Iterable[Row]) -> None:
+    """Every agent that ended well in a cell did so once: of two runs nobody can tell which to pair."""
+    met: dict[tuple[str, int, str, str], Row] = {}
+    for row in rows:
+        if row.error:
+            continue
+        if (other := met.setdefault(row.key, row)) is not row:
+            apart = f" (configurations {other.config_hash} and {row.config_hash})"
+            raise ConfigError(
+                f"compare: {row.agent} has two runs on {row.plan}, start {row.start}, {row.sensor}"
+                + (apart if row.config_hash != other.config_hash else "")
+                + ": compare the rows of each results folder by themselves, or give the agents of each other "
+                "names, as by dataclasses.replace(row, agent=...)"
+            )
 
 
 def _comparison(sensor: str, agent: str, metric: str, pairs: list[tuple[Row, Row]]) -> Comparison:

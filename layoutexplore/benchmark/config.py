@@ -35,6 +35,8 @@ QUICK_AGENTS = (
 )
 """What runs when no agent is named: one of each kind of strategy."""
 
+BASELINE = "nearest"
+"""Who the others are compared with when nobody is named."""
 
 STARTS, LIMIT = Rule(kind=int, low=1, high=10_000), Rule(low=0.0, high=1e9)
 
@@ -51,15 +53,17 @@ class BenchmarkConfig:
         sensors: Presets, or names of `lidars`.
         agents: Strategies: names, with parameters, `FILE.py:CLASS`, or agents of your own as classes or
             objects, of which their names are kept: `name`, or what the class is called.
-        baseline: The agent that the others are compared with.
+        baseline: The agent that the others are compared with; "" for `BASELINE`, or the one that results have
+            which are added to.
         seed: Decides starts, sensor noise and the agents' own randomness.
         lidars: Own sensors by name.
         simulation: How to simulate; its `sensor` is replaced by each of `sensors`.
-        explain: Ask agents with a predictor beside every decision what they would choose without it, and with
-            the true rooms. It changes no run and more than doubles the time of theirs.
+        explain: Ask copies of agents with a predictor beside every decision what they would choose without
+            it, and with the true rooms. It changes no run and more than doubles the time of theirs.
         cell_seconds: A run that takes longer fails; 0 for as long as it takes.
         cell_mb: So does one that takes more memory than this beside what its process has; 0 for any.
         tries: A run whose worker is killed is made so often before it fails.
+        again: Some of the agents: their runs that are in the folder are deleted and made anew.
 
     Raises:
         ConfigError: A list is empty, has duplicates, or a value makes no sense.
@@ -69,7 +73,7 @@ class BenchmarkConfig:
     starts: int = 2
     sensors: Sequence[str] = ("stage",)
     agents: Sequence[Any] = QUICK_AGENTS
-    baseline: str = "nearest"
+    baseline: str = ""
     seed: int = 0
     lidars: Mapping[str, LidarConfig] = field(default_factory=dict)
     simulation: SimulationConfig = field(default_factory=SimulationConfig)
@@ -77,6 +81,7 @@ class BenchmarkConfig:
     cell_seconds: float = 0.0
     cell_mb: float = 0.0
     tries: int = 3
+    again: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         for name in ("plans", "sensors", "agents"):
@@ -96,8 +101,13 @@ class BenchmarkConfig:
         for name, lidar in self.lidars.items():
             check_kind("the name of a lidar", name, str)
             check_kind(f"lidar {name!r}", lidar, LidarConfig)
-        if not isinstance(self.baseline, str) or not self.baseline:
+        if not isinstance(self.baseline, str):
             raise ConfigError(f"baseline must be the name of an agent, got {shortened(self.baseline)}")
+        if not isinstance(self.again, (tuple, list)):
+            raise ConfigError(f"again must be a list, got {shortened(self.again)}")
+        for name in self.again:
+            if name not in self.agents:
+                raise unknown_name("agent of this benchmark", shortened(name), self.agents)
         check(self, starts=STARTS, seed=SEED, explain=FLAG, tries=COUNT, cell_seconds=LIMIT, cell_mb=LIMIT)
         for name in self.sensors:
             if name not in self.lidars and name not in SENSORS:
@@ -151,7 +161,8 @@ def read_benchmark_config(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     path = Path(path)
     table = read_toml(path)
-    check_keys(table, [f.name for f in dataclasses.fields(BenchmarkConfig)], str(path))
+    known = [f.name for f in dataclasses.fields(BenchmarkConfig) if f.name != "again"]
+    check_keys(table, known, str(path))
     table |= _tables(table, str(path))
     for name in ("plans", "sensors", "agents"):
         if name in table:

@@ -5,6 +5,8 @@ and with the true rooms. The run itself goes on as if nobody had asked. *Changed
 agent chooses otherwise with the layout than without it; *misled* is one in which it would choose otherwise
 with the true rooms. Why it was misled is asked too: do the true classes alone set it right, the true areas
 alone, only both, or only the true rooms themselves?
+
+Copies of the agent answer, with the random numbers that it had itself. Where one cannot, nothing is noted.
 """
 
 from __future__ import annotations
@@ -29,6 +31,8 @@ from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import Cell, OccupancyGrid
 from layoutexplore.planning.shortest_paths import distance_matrix
 from layoutexplore.predictors import OraclePredictor
+from layoutexplore.processes import asked_to_stop
+from layoutexplore.processes.random_numbers import random_numbers_now
 from layoutexplore.simulation.episode import untimed
 from layoutexplore.simulation.simulation import Simulation
 
@@ -135,6 +139,10 @@ class _Pursued:
     cells: Ints32 = field(repr=False)
 
 
+class _UnansweredError(Exception):
+    """A copy of the agent does not answer."""
+
+
 @checks_making
 class CounterfactualRollouts:
     """Asks the agent again beside a run.
@@ -155,11 +163,21 @@ class CounterfactualRollouts:
         self._oracle.reveal(simulation.truth)
         self._rows: list[list[float]] = []
         self._kept: list[tuple[float, int, _Pursued]] = []
+        self._answers = True
 
     def before(self, agent: Agent) -> None:
-        """Remember the agent as it is before it chooses."""
+        """Remember the agent as it is before it chooses, and the random numbers that are to come."""
+        if not self._answers:
+            return
         began = time.perf_counter()
-        self._agent = copy.deepcopy(agent)
+        self._restore = random_numbers_now()
+        try:
+            self._agent = copy.deepcopy(agent)
+        except Exception:  # a generator, a lock, an open file
+            self._answers = False
+            if asked_to_stop():
+                raise
+        self._restore()
         self.seconds += time.perf_counter() - began
 
     def note(self, decision: Decision, choice: Choice, prediction_ms: float) -> None:
@@ -170,7 +188,18 @@ class CounterfactualRollouts:
             choice: What the agent chose.
             prediction_ms: What the prediction took.
         """
-        began = time.perf_counter()
+        if not self._answers or not _is_choice(decision, choice):  # the simulation says what is wrong with it
+            return
+        began, go_on = time.perf_counter(), random_numbers_now()
+        try:
+            self._note(decision, choice, prediction_ms)
+        except _UnansweredError:
+            self._answers = False
+        finally:
+            go_on()
+        self.seconds += time.perf_counter() - began
+
+    def _note(self, decision: Decision, choice: Choice, prediction_ms: float) -> None:
         self._pursue(decision, choice)
         hidden = without_layout(decision)
         without = self._ask(hidden)
@@ -187,17 +216,29 @@ class CounterfactualRollouts:
         )
         if changed:
             self._keep(decision, truth, choice, without)
-        self.seconds += time.perf_counter() - began
 
-    def end(self) -> Counterfactual:
-        """Everything noted, once the run is over."""
+    def end(self) -> Counterfactual | None:
+        """Everything noted, once the run is over; None where a copy of the agent gave no answer."""
+        if not self._answers:
+            return None
         self._settle()
         log = np.array(self._rows, np.float64).reshape(-1, len(LOG))
         decisive = sorted((kept.decided for _, _, kept in self._kept), key=lambda decided: decided.distance)
         return Counterfactual(log, tuple(decisive))
 
     def _ask(self, decision: Decision) -> Choice:
-        return copy.deepcopy(self._agent).act(decision)
+        """What a copy of the agent chooses; `_UnansweredError` where it fails, or its choice is none."""
+        try:
+            twin = copy.deepcopy(self._agent)
+            self._restore()
+            choice = twin.act(decision)
+        except (Exception, SystemExit) as error:
+            if asked_to_stop():
+                raise
+            raise _UnansweredError from error
+        if not _is_choice(decision, choice):
+            raise _UnansweredError
+        return choice
 
     def _reasons(self, decision: Decision, truth: Decision, with_truth: Choice) -> tuple[bool, bool, bool]:
         """Whether true classes alone, true areas alone, or only both lead to the choice of the truth."""
@@ -276,6 +317,13 @@ def without_layout(decision: Decision) -> Decision:
         for f in decision.frontiers
     )
     return dataclasses.replace(decision, frontiers=plain, rooms=None, foresee=None)
+
+
+def _is_choice(decision: Decision, choice: object) -> bool:
+    """Whether it is a path, `STOP` or the index of a frontier."""
+    if isinstance(choice, (int, np.integer)):
+        return choice == STOP or 0 <= int(choice) < len(decision.frontiers)
+    return isinstance(choice, PATHS)
 
 
 def same_choice(a: Choice, b: Choice) -> bool:

@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import shlex
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import cv2
 
 from layoutexplore.agents import AGENTS
-from layoutexplore.benchmark.rows import Row
-from layoutexplore.benchmark.store import ResultsFolder, format_row, parse_row
+from layoutexplore.benchmark.rows import Row, format_row, parse_row
+from layoutexplore.benchmark.store import KEPT, ResultsFolder
+from layoutexplore.drawing.beliefs import SUFFIX
 from layoutexplore.errors import (
     LayoutExploreError,
     OwnCodeError,
@@ -32,9 +33,6 @@ from layoutexplore.grids.grid import Pose
 from layoutexplore.plugins.tracebacks import own_frames, told
 from layoutexplore.simulation.config import SimulationConfig
 
-KEPT = "results.damaged.csv"
-"""Name of a damaged table, which is kept beside the one that takes its place."""
-
 _CV2_NO_MEMORY = -4
 """OpenCV's number of this error (`cv::Error::StsNoMem`)."""
 
@@ -42,7 +40,7 @@ _NO_MEMORY = ("can't start new thread", "failed to map segment", "Cannot allocat
 """What threads, shared libraries and the system say then."""
 
 
-def described(error: Exception) -> str:
+def described(error: BaseException) -> str:
     """One line: the type, the message and, where the error is not one of ours, the place in the user's code.
 
     Without such a place, that in ours.
@@ -72,7 +70,7 @@ def lacks_memory(error: BaseException) -> bool:
     return before is not None and lacks_memory(before)
 
 
-def at_length(error: Exception, repeat: str) -> str:
+def at_length(error: BaseException, repeat: str) -> str:
     """The traceback, from the user's own code on where it has any, and how to repeat the run."""
     text = told(error)
     if not own_frames(error) and not isinstance(error, LayoutExploreError):
@@ -105,12 +103,19 @@ def repeating_command(
     return shlex.join(words)
 
 
-def finished_rows(folder: ResultsFolder, say: Callable[[str], None]) -> list[Row]:
-    """Rows of earlier runs that ended well and whose file is undamaged; the table is cut back to these.
+def finished_rows(
+    folder: ResultsFolder,
+    say: Callable[[str], None],
+    anew: Collection[tuple[str, int, str, str]] = frozenset(),
+) -> list[Row]:
+    """Rows of earlier runs that ended well and whose file is undamaged, and of others that failed.
+
+    The table is cut back to these.
 
     Args:
         folder: The results, held by this process.
         say: Told what is damaged, and whether it is run again.
+        anew: Keys of the runs that are made again where they failed.
 
     Raises:
         ResultsError: The table is none of this version, and no run's file holds its row.
@@ -119,6 +124,8 @@ def finished_rows(folder: ResultsFolder, say: Callable[[str], None]) -> list[Row
     good: dict[tuple[str, int, str, str], Row] = {}
     for row in rows:
         path = folder.curve_path(row)
+        if row.error and row.key not in anew:
+            good[row.key] = row
         if row.error or not is_there(path):
             continue
         try:
@@ -158,6 +165,8 @@ def _rows_of_runs(folder: ResultsFolder, say: Callable[[str], None]) -> list[Row
     """The rows that the files of runs hold; of files that are damaged, or of an earlier version, none."""
     rows = []
     for path in sorted((folder.path / "runs").glob("*/*.npz")):
+        if path.name.endswith(SUFFIX):
+            continue
         try:
             row = saved_row(folder, path)
         except ResultsError as error:

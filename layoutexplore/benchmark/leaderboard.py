@@ -20,9 +20,10 @@ import numpy as np
 
 import layoutexplore
 from layoutexplore.benchmark.analysis import POOLED, Comparison, compare
-from layoutexplore.benchmark.rows import TIMING_COLUMNS, Row, fingerprints, knows_the_plan
-from layoutexplore.benchmark.runner import Task, run_task
-from layoutexplore.benchmark.store import ResultsFolder, format_row
+from layoutexplore.benchmark.plans import Task
+from layoutexplore.benchmark.rows import TIMING_COLUMNS, Row, fingerprints, format_row, knows_the_plan
+from layoutexplore.benchmark.runner import run_task
+from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.benchmark.suite import Suite, cells_of
 from layoutexplore.errors import LayoutExploreError, ResultsError, checks_arguments
 

@@ -1,4 +1,4 @@
-"""The floor plans of a benchmark: found, loaded once to see if they can be explored, known by content."""
+"""The floor plans of a benchmark, loaded once to see if they can be explored, and the runs on them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.maps.library import cached_plan
 from layoutexplore.simulation.config import SimulationConfig
@@ -63,3 +64,34 @@ def check_names(entries: Iterable[PlanEntry]) -> None:
                 f"two floor plans are called {plan.name!r}: {seen[plan.name]} and {plan.source}"
             )
         seen[plan.name] = plan.source
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run that is to be made."""
+
+    plan: PlanEntry
+    start: int
+    sensor: str
+    agent: str
+
+    @property
+    def key(self) -> tuple[str, int, str, str]:
+        """As `Row.key`."""
+        return self.plan.name, self.start, self.sensor, self.agent
+
+
+def all_tasks(config: BenchmarkConfig, plans: list[PlanEntry]) -> list[Task]:
+    """Every run of the benchmark, in the order in which they are made.
+
+    Large plans come first, so that the last runs to end are short; plan by plan, so that workers find it in
+    memory.
+    """
+    ordered = sorted(plans, key=lambda plan: (-plan.reachable_area, plan.name))
+    return [
+        Task(plan, start, sensor, agent)
+        for plan in ordered
+        for start in range(config.starts)
+        for sensor in config.sensors
+        for agent in config.agents
+    ]

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+import operator
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from layoutexplore.agents import AGENTS, make_agent
-from layoutexplore.errors import LayoutExploreError, checks_arguments
+from layoutexplore.errors import LayoutExploreError, checks_arguments, shortened
 from layoutexplore.frontiers.decision import Agent, Privileged, predictor_of
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.metrics.exploration import revisit_share, rooms_finished, score_curve
@@ -22,6 +24,8 @@ from layoutexplore.simulation.episode import Episode, TimedPredictor
 from layoutexplore.simulation.simulation import Simulation
 
 NAN = float("nan")
+
+_LARGEST = 1e15
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -173,6 +177,18 @@ def fingerprints(agents: Iterable[str]) -> dict[str, str]:
     return found
 
 
+def has_own_code(agent: str) -> bool:
+    """Whether an agent, or the predictor that it asks for, is a user's own code.
+
+    Raises:
+        UnknownNameError: As `fingerprints`.
+    """
+    wanted = predictor_of(make_agent(agent))
+    if AGENTS.digest(agent) or not isinstance(wanted, str):
+        return bool(AGENTS.digest(agent) or wanted)
+    return bool(PREDICTORS.digest(wanted)) or ".py:" in wanted
+
+
 def knows_the_plan(agent: str) -> bool:
     """Whether an agent, or its predictor, is shown the floor plan; not one that this version cannot make.
 
@@ -232,3 +248,57 @@ def _rounded(row: Row) -> Row:
         n: round(v, 6) for n, v in dataclasses.asdict(row).items() if isinstance(v, float)
     }
     return dataclasses.replace(row, **values)
+
+
+COLUMNS = tuple(f.name for f in dataclasses.fields(Row))
+"""Those of results.csv."""
+
+_CONVERTERS: dict[str, Callable[[str], Any]] = {
+    "int": lambda text: _bounded(int(text)),
+    "float": lambda text: _bounded(float(text)),
+    "bool": {"True": True, "False": False}.__getitem__,
+    "str": str,
+}
+
+
+def _bounded(value: float) -> float:
+    """A number that is finite and no larger than any metre, second or count can be."""
+    if not abs(value) <= _LARGEST:
+        raise ValueError(f"{shortened(value)} is too large")
+    return value
+
+
+class _Line:
+    """What a CSV writer writes a line to: it hands the line back to whoever asked for it."""
+
+    def write(self, text: str, /) -> str:
+        return text
+
+
+_values = operator.attrgetter(*COLUMNS)
+_writer: Any = csv.writer(_Line(), lineterminator="\n")
+
+
+def format_row(row: Row) -> str:
+    """A line of results.csv; NaN is an empty field."""
+    line: str = _writer.writerow(["" if value != value else value for value in _values(row)])
+    return line
+
+
+def parse_row(line: list[str], header: Sequence[str] = COLUMNS) -> Row:
+    """The inverse of `format_row`; columns that the header does not name are empty.
+
+    Raises:
+        ValueError: A value is missing, or is none of its column.
+    """
+    if len(line) != len(header):
+        raise ValueError(f"a row has {len(line)} values, not {len(header)}")
+    values: dict[str, Any] = {}
+    fields = {f.name: f for f in dataclasses.fields(Row)}
+    for f, text in zip((fields[name] for name in header), line, strict=True):
+        try:
+            empty = f.type == "float" and not text
+            values[f.name] = float("nan") if empty else _CONVERTERS[str(f.type)](text)
+        except (ValueError, KeyError) as error:
+            raise ValueError(f"{f.name} cannot be {shortened(text)}") from error
+    return Row(**values)

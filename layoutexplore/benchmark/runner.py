@@ -25,10 +25,11 @@ from layoutexplore.benchmark.failures import (
     lacks_memory,
     repeating_command,
 )
-from layoutexplore.benchmark.plans import PlanEntry, check_names, entry
+from layoutexplore.benchmark.manifest import mixed_code
+from layoutexplore.benchmark.plans import PlanEntry, Task, all_tasks, check_names, entry
 from layoutexplore.benchmark.pool import Limited, run_all, taken_megabytes
 from layoutexplore.benchmark.recording import Recorder
-from layoutexplore.benchmark.rows import Row, fingerprints, prepare, score_run
+from layoutexplore.benchmark.rows import Row, fingerprints, has_own_code, prepare, score_run
 from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.drawing.beliefs import SUFFIX, BeliefNotes
 from layoutexplore.errors import ConfigError, WriteError, checks_arguments, counted
@@ -58,21 +59,6 @@ WARM_UP_PLAN = """
 
 MOST_RUNS = 1_000_000
 """So many runs a benchmark may have: the list of them must fit into memory."""
-
-
-@dataclass(frozen=True)
-class Task:
-    """One run that is to be made."""
-
-    plan: PlanEntry
-    start: int
-    sensor: str
-    agent: str
-
-    @property
-    def key(self) -> tuple[str, int, str, str]:
-        """As `Row.key`."""
-        return self.plan.name, self.start, self.sensor, self.agent
 
 
 @dataclass(frozen=True)
@@ -116,11 +102,15 @@ class Outcome:
         folder: The results.
         rows: All rows, sorted.
         ran: How many of them were run now.
+        asked: Those of the plans, starts, sensors and agents of this call.
+        warnings: What should be known of the runs that were made now.
     """
 
     folder: ResultsFolder
     rows: list[Row]
     ran: int
+    asked: list[Row]
+    warnings: list[str]
 
     @property
     def failed(self) -> list[Row]:
@@ -154,85 +144,101 @@ def run_benchmark(
 
     Raises:
         LayoutExploreError: A plan cannot be read, a name is unknown, the folder holds another configuration.
-            A run that fails raises nothing: its row says what went wrong.
+            A run that fails raises nothing: its row says what went wrong. (With one job, own code that ends
+            its process ends this one.)
     """
     out = Path(out)
     check_kind("config", config, BenchmarkConfig)
     JOBS.convert("--jobs", jobs)
     if cluster:
         check_cluster(cluster)
-    make_agent(config.baseline)
+    if config.baseline:
+        make_agent(config.baseline)
     models = fingerprints(config.agents)  # An unknown name or parameter is better told now than in every run.
+    code = pack_own_code(registered=_apart(config, jobs, cluster))
     plans = _loaded(config, watcher.say)
     with locked(out):
         folder = open_results(out, config, plans, models, force=force, extend=extend, command=command)
-        if config.baseline not in folder.manifest()["agents"]:
+        manifest = folder.manifest()
+        for text in mixed_code(manifest):
+            watcher.say(text)
+        if manifest["baseline"] not in manifest["agents"]:
             watcher.say(
-                f"the baseline {config.baseline} is not among the agents, so nothing will be compared: "
+                f"the baseline {manifest['baseline']} is not among the agents, so nothing will be compared: "
                 "--agents adds it, --baseline names another"
             )
         for plan in plans:
             folder.save_raster(plan.name, raster_of(cached_plan(plan.source), config.simulation))
-        return _fill(folder, config, plans, jobs, cluster, watcher)
+        return _fill(folder, config, plans, code, jobs, cluster, watcher)
+
+
+def _apart(config: BenchmarkConfig, jobs: int, cluster: str) -> bool:
+    """Whether runs are made by other processes than this one."""
+    return jobs > 1 or config.cell_mb > 0 or bool(cluster)
 
 
 def _fill(
     folder: ResultsFolder,
     config: BenchmarkConfig,
     plans: list[PlanEntry],
+    code: OwnCode,
     jobs: int,
     cluster: str,
     watcher: BenchmarkWatcher,
 ) -> Outcome:
     """Make the runs that are missing in the folder."""
-    rows = {row.key: row for row in finished_rows(folder, watcher.say)}
     tasks = all_tasks(config, plans)
+    keys = {task.key for task in tasks}
+    rows = {row.key: row for row in finished_rows(folder, watcher.say, keys)}
     missing = [task for task in tasks if task.key not in rows]
     if len(missing) < len(tasks):
         watcher.say(f"{len(tasks) - len(missing)} of {len(tasks)} runs are already in {folder.path}")
     if missing:
         watcher.say("compiling and loading the kernels (slow only the first time)")
-        warm_up(config)
+        warm_up(config, code, apart=_apart(config, jobs, cluster))
         if ":" in cluster:
             watcher.say(RUNS_CODE)
         at_a_time = f", {jobs} at a time" if jobs > 1 else ""
         watcher.say(f"exploring: {len(missing)} runs{at_a_time}")
     work = sum(task.plan.reachable_area for task in missing)
     areas, done = {plan.name: plan.reachable_area for plan in plans}, 0.0
+    unasked: set[str] = set()
     try:
         with folder.appending() as append:
-            results = _results(config, folder, missing, jobs, cluster)
+            results = _results(config, folder, missing, code, jobs, cluster)
             for count, row in enumerate(results, len(tasks) - len(missing) + 1):
                 append(row)
                 rows[row.key] = row
                 done += areas[row.plan]
+                if config.explain and not row.error and row.layout_changed != row.layout_changed:
+                    unasked.add(row.agent)
                 watcher.advance(BenchmarkProgress(row, count, len(tasks), done / work))
     finally:
         folder.rewrite(rows.values())
-    return Outcome(folder, sorted(rows.values(), key=lambda row: row.key), len(missing))
+    everything = sorted(rows.values(), key=lambda row: row.key)
+    asked = [row for row in everything if row.key in keys]
+    return Outcome(folder, everything, len(missing), asked, [_UNASKED.format(a) for a in sorted(unasked)])
 
 
-def all_tasks(config: BenchmarkConfig, plans: list[PlanEntry]) -> list[Task]:
-    """Every run of the benchmark, in the order in which they are made.
+_UNASKED = (
+    "{}: of some runs it is not noted what a layout changed, since the agent cannot be copied, or fails "
+    "without its layout or with another one; the runs themselves are as ever (--no-explain does not ask)"
+)
 
-    Large plans come first, so that the last runs to end are short; plan by plan, so that workers find it in
-    memory.
+
+def warm_up(config: BenchmarkConfig, code: OwnCode = NO_CODE, *, apart: bool = False) -> None:
+    """A few decisions of every agent and sensor on a tiny plan: kernels are compiled, or loaded.
+
+    Args:
+        config: Of the benchmark.
+        code: Of the user's own.
+        apart: Leave own code to other processes, which it may end.
     """
-    ordered = sorted(plans, key=lambda plan: (-plan.reachable_area, plan.name))
-    return [
-        Task(plan, start, sensor, agent)
-        for plan in ordered
-        for start in range(config.starts)
-        for sensor in config.sensors
-        for agent in config.agents
-    ]
-
-
-def warm_up(config: BenchmarkConfig) -> None:
-    """A few decisions of every agent and sensor on a tiny plan: kernels are compiled, or loaded."""
+    with code.installed():
+        agents = [agent for agent in config.agents if not (apart and has_own_code(agent))]
     for sensor in config.sensors:
-        for agent in config.agents:
-            _warm_up(config, NO_CODE, sensor, agent)
+        for agent in agents:
+            _warm_up(config, code, sensor, agent)
 
 
 _warm: set[tuple[str, str]] = set()
@@ -241,7 +247,7 @@ _warm: set[tuple[str, str]] = set()
 
 def _warm_up_for(task: Task, config: BenchmarkConfig, code: OwnCode) -> None:
     """As `warm_up`, of one task alone, unless it is done: a worker in a dead one's place begins soon."""
-    with contextlib.suppress(Exception):  # the run fails in the same way
+    with contextlib.suppress(Exception, SystemExit):  # the run fails in the same way
         cached_plan(task.plan.source)
     if (task.sensor, task.agent) not in _warm:
         _warm_up(config, code, task.sensor, task.agent)
@@ -252,7 +258,7 @@ def _warm_up(config: BenchmarkConfig, code: OwnCode, sensor: str, agent: str) ->
     cv2.setNumThreads(1)
     plan = floorplan_from_ascii(WARM_UP_PLAN, resolution=0.5, name="warm-up")
     # An agent that fails here fails again in its runs, where the failure is recorded.
-    with contextlib.suppress(Exception), code.installed():
+    with contextlib.suppress(Exception, SystemExit), code.installed():
         play(
             *prepare(plan, config.simulation_with(sensor), agent),
             probe=CounterfactualRollouts if config.explain else None,
@@ -290,7 +296,7 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
         return scored
     except WriteError:
         raise  # a full disk is no failure of the agent
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         if asked_to_stop():  # compiled code turns the interruption into another error
             raise KeyboardInterrupt from error
         if config.cell_mb and lacks_memory(error):
@@ -322,9 +328,8 @@ def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[Plan
 
 
 def _results(
-    config: BenchmarkConfig, folder: ResultsFolder, tasks: list[Task], jobs: int, cluster: str
+    config: BenchmarkConfig, folder: ResultsFolder, tasks: list[Task], code: OwnCode, jobs: int, cluster: str
 ) -> Iterator[Row]:
-    code = pack_own_code(registered=jobs > 1 or config.cell_mb > 0 or bool(cluster))
     run = functools.partial(run_task, config=config, folder=folder, code=code)
     killed = f"WorkerDied: the process of this run was killed {config.tries} times (out of memory?)"
     if config.cell_mb:

@@ -15,13 +15,12 @@ so is what was half-written.
 from __future__ import annotations
 
 import contextlib
-import csv
 import dataclasses
 import errno
-import operator
 import os
+import re
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +30,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual
-from layoutexplore.benchmark.manifest import manifest_of, merge_manifests, read_manifest
+from layoutexplore.benchmark.manifest import changed_models, manifest_of, merge_manifests, read_manifest
 from layoutexplore.benchmark.plans import PlanEntry
 from layoutexplore.benchmark.recording import (
     RECORDED,
@@ -41,8 +40,10 @@ from layoutexplore.benchmark.recording import (
     recording_to_arrays,
     to_arrays,
 )
-from layoutexplore.benchmark.rows import Row
-from layoutexplore.errors import ResultsError, cause, checks_calls, shortened
+from layoutexplore.benchmark.rows import COLUMNS as COLUMNS
+from layoutexplore.benchmark.rows import Row, format_row, knows_the_plan, parse_row
+from layoutexplore.drawing.beliefs import SUFFIX
+from layoutexplore.errors import ResultsError, cause, checks_calls
 from layoutexplore.files import (
     HALF,
     ArrayRule,
@@ -59,8 +60,6 @@ from layoutexplore.files import (
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.simulation.episode import Episode
-
-COLUMNS = tuple(f.name for f in dataclasses.fields(Row))
 
 _REQUIRED = {f.name for f in dataclasses.fields(Row) if f.default is dataclasses.MISSING}
 
@@ -81,24 +80,17 @@ _RASTER = {
     "frame": ArrayRule(shape=(4,), low=-_LARGE, high=_LARGE),
 }
 
+KEPT = "results.damaged.csv"
+"""Name of a damaged table, which is kept beside the one that takes its place."""
+
+_FILES = ("results.csv", "results.parquet", "summary.csv", "report.html", "report.md", KEPT, "run.toml")
+"""What lies directly in the folder."""
+
+_OF_PAPER = re.compile(r"(plans|behaviour|profiles|(ratios|coverage|stops|layout)-.+)\.(csv|tex|svg|pdf)")
+"""Names of the files that `report --paper` writes."""
+
 LOCK = ".lock"
 """File that is held while a benchmark writes."""
-
-_LARGEST = 1e15
-
-_CONVERTERS: dict[str, Callable[[str], Any]] = {
-    "int": lambda text: _bounded(int(text)),
-    "float": lambda text: _bounded(float(text)),
-    "bool": {"True": True, "False": False}.__getitem__,
-    "str": str,
-}
-
-
-def _bounded(value: float) -> float:
-    """A number that is finite and no larger than any metre, second or count can be."""
-    if not abs(value) <= _LARGEST:
-        raise ValueError(f"{shortened(value)} is too large")
-    return value
 
 
 @checks_calls
@@ -174,7 +166,7 @@ class ResultsFolder:
         """Replace all rows, sorted, at once."""
         ordered = sorted(rows, key=lambda row: row.key)
         with atomic(self.table) as path, path.open("w", encoding="utf-8", newline="") as file:
-            file.write(_header())
+            file.write(",".join(COLUMNS) + "\n")
             file.writelines(map(format_row, ordered))  # not one text of them all: there may be many
 
     def curve_path(self, row: Row) -> Path:
@@ -208,6 +200,20 @@ class ResultsFolder:
 
     def _failure_path(self, row: Row) -> Path:
         return self.curve_path(row).with_suffix(".error.txt")
+
+    def files_of(self, agent: str) -> list[Path]:
+        """The files of an agent's runs, of what they noted beside, and of what failed."""
+        endings = rf"(\.npz|{re.escape(SUFFIX)}|\.error\.txt)"
+        name = re.compile(rf".+-start\d+-{re.escape(safe_name(agent))}{endings}")
+        return [path for path in (self.path / "runs").glob("*/*") if name.fullmatch(path.name)]
+
+    def drop(self, agents: Collection[str]) -> None:
+        """Delete all runs of some agents; those of others stay."""
+        for path in (path for agent in agents for path in self.files_of(agent)):
+            path.unlink(missing_ok=True)
+        if agents and self.table.exists():
+            with contextlib.suppress(ResultsError):  # rows of a damaged table count only with their files
+                self.rewrite(row for row in self.rows() if row.agent not in agents)
 
     def episode(self, row: Row) -> tuple[Floats, Floats]:
         """The curve (n, 2) and track (m, 3) of a run.
@@ -347,54 +353,32 @@ def open_results(
     """
     folder, path = ResultsFolder(path), Path(path)
     wanted = manifest_of(config, plans, models, command)
+    wanted["knows_the_plan"] = sorted(filter(knows_the_plan, config.agents))
     if force and (path / "run.toml").exists():
-        for name in ("runs", "plans"):
-            shutil.rmtree(path / name, ignore_errors=True)
-        for name in ("results.csv", "results.parquet", "summary.csv", "report.html", "report.md", "run.toml"):
-            (path / name).unlink(missing_ok=True)
+        _clear(path)
     for half_written in filter(Path.is_file, path.rglob(f".*{HALF}")):
         half_written.unlink(missing_ok=True)
     if (path / "run.toml").exists():
-        wanted = merge_manifests(folder.manifest(), wanted, path, extend=extend)
+        old = folder.manifest()
+        changed = changed_models(old, wanted)
+        failed = {a for a in changed if not any(file.suffix == ".npz" for file in folder.files_of(a))}
+        if not config.baseline:
+            wanted["baseline"] = old["baseline"]
+        wanted = merge_manifests(old, wanted, path, extend=extend, renewed={*config.again, *failed})
+        folder.drop(config.again)  # before it is noted that they come from other code
     write_atomically(path / "run.toml", to_toml(wanted))
     return folder
 
 
-def _header() -> str:
-    return ",".join(COLUMNS) + "\n"
-
-
-class _Line:
-    """What a CSV writer writes a line to: it hands the line back to whoever asked for it."""
-
-    def write(self, text: str, /) -> str:
-        return text
-
-
-_values = operator.attrgetter(*COLUMNS)
-_writer: Any = csv.writer(_Line(), lineterminator="\n")
-
-
-def format_row(row: Row) -> str:
-    """A line of results.csv; NaN is an empty field."""
-    line: str = _writer.writerow(["" if value != value else value for value in _values(row)])
-    return line
-
-
-def parse_row(line: list[str], header: Sequence[str] = COLUMNS) -> Row:
-    """The inverse of `format_row`; columns that the header does not name are empty.
-
-    Raises:
-        ValueError: A value is missing, or is none of its column.
-    """
-    if len(line) != len(header):
-        raise ValueError(f"a row has {len(line)} values, not {len(header)}")
-    values: dict[str, Any] = {}
-    fields = {f.name: f for f in dataclasses.fields(Row)}
-    for f, text in zip((fields[name] for name in header), line, strict=True):
-        try:
-            empty = f.type == "float" and not text
-            values[f.name] = float("nan") if empty else _CONVERTERS[str(f.type)](text)
-        except (ValueError, KeyError) as error:
-            raise ValueError(f"{f.name} cannot be {shortened(text)}") from error
-    return Row(**values)
+def _clear(path: Path) -> None:
+    """Delete what a benchmark, its report and its paper have left in a folder; what else is there stays."""
+    for name in ("runs", "plans"):
+        shutil.rmtree(path / name, ignore_errors=True)
+    for name in _FILES:
+        (path / name).unlink(missing_ok=True)
+    if (paper := path / "paper").is_dir():
+        for file in paper.iterdir():
+            if _OF_PAPER.fullmatch(file.name):
+                file.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            paper.rmdir()

@@ -12,7 +12,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from layoutexplore.benchmark.config import BenchmarkConfig, read_benchmark_config
+from layoutexplore.benchmark.config import BASELINE, BenchmarkConfig, read_benchmark_config
 from layoutexplore.benchmark.manifest import manifest_of
 from layoutexplore.benchmark.plans import PlanEntry, entry
 from layoutexplore.errors import ConfigError, ResultsError, checks_arguments, unknown_name
@@ -59,9 +59,9 @@ class Suite:
             raise ConfigError(
                 f"suite {self.name} decides {', '.join(fixed)}: leave that out, or leave out --suite"
             )
-        baseline = self.options.get("baseline", BenchmarkConfig.baseline)
-        everyone = agents if baseline in agents else (baseline, *agents)
-        return BenchmarkConfig(agents=everyone, **self.options, **given)
+        options = {"baseline": BASELINE, **self.options}
+        everyone = agents if options["baseline"] in agents else (options["baseline"], *agents)
+        return BenchmarkConfig(agents=everyone, **options, **given)
 
     @cached_property
     def plans(self) -> dict[str, PlanEntry]:

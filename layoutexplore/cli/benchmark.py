@@ -100,6 +100,10 @@ Force = Annotated[bool, typer.Option("--force", help="Delete the results in the 
 Extend = Annotated[
     bool, typer.Option("--extend", help="Add plans, starts, sensors or agents to the results in the folder.")
 ]
+Again = Annotated[
+    list[str] | None,
+    typer.Option(help="Delete the runs of this agent and make them anew, others' stay. Repeatable."),
+]
 
 
 def benchmark(
@@ -121,6 +125,7 @@ def benchmark(
     tries: Tries = None,
     force: Force = False,
     extend: Extend = False,
+    again: Again = None,
 ) -> None:
     """Run a benchmark and write its report."""
     from layoutexplore.cli.progress import plain_console
@@ -131,13 +136,13 @@ def benchmark(
     given: dict[str, Any] = {"starts": starts, "seed": seed, "baseline": baseline, "explain": explain}
     lists = {"plans": plans, "agents": agents, "sensors": sensor}
     given |= {name: values and tuple(values) for name, values in lists.items()}
-    limits = {"cell_seconds": cell_seconds, "cell_mb": cell_mb, "tries": tries}
+    limits = {"cell_seconds": cell_seconds, "cell_mb": cell_mb, "tries": tries, "again": again}
     settings = _settings(config, suite, noise, given, limits)
     console = plain_console()
     outcome = run_with_progress(
         console, settings, out, jobs=jobs, cluster=cluster, force=force, extend=extend
     )
-    _write_and_show(console, outcome, settings)
+    _write_and_show(console, outcome)
     if outcome.failed:
         raise typer.Exit(1)
 
@@ -205,8 +210,13 @@ def run_with_progress(
     cluster: str = "",
     force: bool = False,
     extend: bool = False,
+    shared: bool = False,
 ) -> Outcome:
-    """Run what is missing, with a line that says how far it is."""
+    """Run what is missing, with a line that says how far it is.
+
+    Where other calls share the folder (`shared`), this one adds to it, and the rows are those that it asked
+    for.
+    """
     from layoutexplore.benchmark.pool import usable_cores
     from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
     from layoutexplore.cli.progress import ProgressLine
@@ -221,35 +231,38 @@ def run_with_progress(
                     progress.done, progress.total, progress.work_done, f"{row.plan} {row.sensor} {row.agent}"
                 )
 
-            return run_benchmark(
+            outcome = run_benchmark(
                 settings,
                 out,
                 jobs=usable_cores() if jobs is None else jobs,
                 cluster=cluster,
                 force=force,
-                extend=extend,
+                extend=extend or shared,
                 command=command_line(),
                 watcher=BenchmarkWatcher(line.say, advance),
             )
+            return dataclasses.replace(outcome, rows=outcome.asked) if shared else outcome
     except KeyboardInterrupt:
         console.print(f"\nStopped. What is finished is in {out}: the same command continues.", soft_wrap=True)
         raise typer.Exit(128 + (asked_to_stop() or 2)) from None
 
 
-def _write_and_show(console: Console, outcome: Outcome, config: BenchmarkConfig) -> None:
+def _write_and_show(console: Console, outcome: Outcome) -> None:
     from layoutexplore.benchmark.analysis import compare
     from layoutexplore.report.benchmark import headline, write_benchmark_report
 
-    comparisons = compare(outcome.rows, config.baseline)
-    paths = write_benchmark_report(outcome.folder, baseline=config.baseline, comparisons=comparisons)
+    baseline = str(outcome.folder.manifest()["baseline"])
+    comparisons = compare(outcome.rows, baseline)
+    paths = write_benchmark_report(outcome.folder, baseline=baseline, comparisons=comparisons)
     console.print()
-    console.print(_table(headline(outcome.rows, config.baseline, comparisons)))
-    if not any(row.agent == config.baseline for row in outcome.rows):
+    console.print(_table(headline(outcome.rows, baseline, comparisons)))
+    if not any(row.agent == baseline for row in outcome.rows):
         console.print(
-            f"{config.baseline} did not run, so nothing is compared: --baseline names another, --extend "
-            "adds agents",
+            f"{baseline} did not run, so nothing is compared: --baseline names another, --extend adds agents",
             soft_wrap=True,
         )
+    for text in outcome.warnings:
+        console.print(text, soft_wrap=True, markup=False)
     for row in outcome.failed[:5]:
         console.print(
             f"failed: {row.plan}, start {row.start}, {row.sensor}, {row.agent}: {row.error}",

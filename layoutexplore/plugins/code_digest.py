@@ -1,12 +1,14 @@
 """What tells apart two states of a user's own code: changed code is never taken for that of earlier results.
 
-Of code in a file, the bytes of the file count, and of those beside and below it that it imports. Of what was
-defined in a program or in a cell of a notebook, its own source counts, and what of the same place it calls.
-Of an object, its attributes count, too.
+Of code in a file, the bytes of the file count, and of those beside and below it that it imports, wherever in
+it the import stands. Of what was defined in a program or in a cell of a notebook, its own source counts, and
+what of the same place it calls. Of an object, its attributes count, too.
 """
 
 from __future__ import annotations
 
+import ast
+import contextlib
 import functools
 import hashlib
 import inspect
@@ -45,12 +47,14 @@ def digest_of_files(files: dict[Path, bytes]) -> str:
 def files_of(module: ModuleType) -> dict[Path, bytes]:
     """The file of a module and those that it imports from its own folder, or from that of its package.
 
-    Packages that are installed in an environment within that folder do not count, and neither does this one.
+    An import within a function counts, too, and one of a mere number. Packages that are installed in an
+    environment within that folder do not count, and neither does this one.
     """
     path = own_file(module)
     if path is None:
         return {}
-    folder = path.parents[module.__name__.count(".")] if module.__package__ else path.parent
+    depth = module.__name__.count(".") + hasattr(module, "__path__")
+    folder = path.parents[depth] if module.__package__ else path.parent
     found: dict[Path, bytes] = {}
     waiting = [module]
     while waiting:
@@ -63,7 +67,51 @@ def files_of(module: ModuleType) -> dict[Path, bytes]:
             home = value if isinstance(value, ModuleType) else sys.modules.get(_home(value))
             if home is not None:
                 waiting.append(home)
+    unread = list(found)
+    while unread:
+        here = unread.pop()
+        for path in _imported(here, found[here], folder):
+            if path not in found:
+                with contextlib.suppress(OSError):  # it may never be imported
+                    found[path] = path.read_bytes()
+                    unread.append(path)
     return found
+
+
+def _imported(here: Path, source: bytes, folder: Path) -> Iterator[Path]:
+    """The files within a folder that a file's source imports anywhere; of what is no Python, none."""
+    try:
+        nodes = list(ast.walk(ast.parse(source)))
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            names = [name.name.split(".") for name in node.names]
+        elif isinstance(node, ast.ImportFrom):  # each name may be a module, too
+            names = [[*(node.module or "").split("."), name.name] for name in node.names]
+        else:
+            continue
+        if isinstance(node, ast.ImportFrom) and node.level:
+            bases = set(here.parents[node.level - 1 : node.level])
+        else:
+            bases = {folder, here.parent}
+            names = [parts for parts in names if parts[0] != "layoutexplore"]
+        for parts in names:
+            yield from _files_named(parts, bases, folder)
+
+
+def _files_named(parts: list[str], bases: set[Path], folder: Path) -> Iterator[Path]:
+    """The files of a dotted name and of the packages on the way to it, where they lie within a folder.
+
+    The name begins with an empty part where it is relative to a package itself.
+    """
+    for base in bases:
+        for count in range(1, len(parts) + 1):
+            stem = base.joinpath(*parts[:count])
+            for path in (stem / "__init__.py", stem.with_name(f"{stem.name}.py")):
+                real = path.resolve()
+                if folder in real.parents and "site-packages" not in real.parts and real.is_file():
+                    yield real
 
 
 def own_file(module: ModuleType) -> Path | None:

@@ -1,6 +1,7 @@
 """A user's own code: `FILE.py:NAME` and `package.module:NAME`, loaded once, and again when a file changes.
 
-While a benchmark runs, its references are pinned: what was loaded when it began is what all its runs get.
+While a benchmark runs, its references are pinned: what was loaded when it began is what all its runs get. The
+files themselves travel to the workers, unless they are large, so that they may be edited meanwhile.
 """
 
 from __future__ import annotations
@@ -12,8 +13,10 @@ import linecache
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
-from importlib.util import find_spec
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from importlib.util import decode_source, find_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -49,11 +52,22 @@ class Loaded(NamedTuple):
         return all(path.is_file() and path.read_bytes() == data for path, data in self.files.items())
 
 
+LARGEST_PINNED = 1_000_000
+"""Bytes of code that travel with a pin; of more, every process reads the files itself."""
+
+
 class Pin(NamedTuple):
-    """Where a reference leads, and the digest of what lies there: in every process of a benchmark."""
+    """Where a reference leads, in every process of a benchmark.
+
+    Attributes:
+        place: The file or module.
+        digest: Of what lies there.
+        files: What lies there; empty where that is more than `LARGEST_PINNED`.
+    """
 
     place: str
     digest: str
+    files: dict[Path, bytes]
 
 
 _loaded: dict[str, Loaded] = {}
@@ -99,9 +113,10 @@ class Reference(NamedTuple):
         else:
             key, load = place, _import
         there = _loaded.get(key)
-        stays = pin is not None or load is _import  # Python imports a module once
-        if there is None or not (stays or there.is_current):
-            there = _loaded[key] = load(key, there)
+        # Python imports a module once.
+        stays = there and (there.digest == pin.digest if pin else load is _import or there.is_current)
+        if there is None or not stays:
+            there = _loaded[key] = load(key, there, pin.files if pin else {})
         _places[self.place] = key
         if pin and there.digest != pin.digest:
             raise OwnCodeError(f"{self.place} has changed since the benchmark began: give the command again")
@@ -130,19 +145,73 @@ def reference_in(spec: str) -> Reference | None:
 
 def pins() -> dict[str, Pin]:
     """Where all references of this process lead now, by the places that they name."""
-    return {place: Pin(key, _loaded[key].digest) for place, key in _places.items()}
+    found = {}
+    # Where two have read different states of a file beside them, what is there now counts: the last one.
+    for place, key in sorted(_places.items(), key=lambda item: _loaded[item[1]].is_current):
+        there = _loaded[key]
+        small = sum(map(len, there.files.values())) <= LARGEST_PINNED
+        found[place] = Pin(key, there.digest, there.files if small else {})
+    return found
 
 
 @contextlib.contextmanager
 def pinned(places: Mapping[str, Pin]) -> Iterator[None]:
-    """Inside the block, references lead where they led when the pins were made, or to an error."""
-    before = dict(_pins)
+    """Inside the block, references lead where they led when the pins were made, or to an error.
+
+    So does what their code imports from beside it inside the block.
+    """
+    before, finder = dict(_pins), _PinnedFinder()
     _pins.update(places)
+    sys.meta_path.insert(0, finder)
     try:
         yield
     finally:
+        sys.meta_path.remove(finder)
         _pins.clear()
         _pins.update(before)
+
+
+class _PinnedFinder(MetaPathFinder):
+    """Finds modules whose files came with a pin where they would be found anyway, or were once."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        name = fullname.rpartition(".")[2]
+        ours = ((file, data) for pin in _pins.values() for file, data in pin.files.items())
+        files = {file: data for file, data in ours if name in (file.stem, file.parent.name)}
+        if not files:
+            return None
+        spec = PathFinder.find_spec(fullname, path, target)
+        if spec is not None and spec.origin:
+            homes = [Path(spec.origin).resolve()]
+        elif spec is None:
+            stems = [Path(entry).resolve() / name for entry in path or sys.path]
+            homes = [home for stem in stems for home in (stem / "__init__.py", Path(f"{stem}.py"))]
+        else:
+            homes = []
+        for home in homes:
+            if home in files:
+                within = [str(home.parent)] if home.name == "__init__.py" else None
+                loader = _PinnedLoader(fullname, str(home), files[home])
+                return spec_from_file_location(
+                    fullname, home, loader=loader, submodule_search_locations=within
+                )
+        return None
+
+
+class _PinnedLoader(SourceFileLoader):
+    """Loads a module from bytes that were read before; compiled code of the file as it is now is no use."""
+
+    def __init__(self, name: str, path: str, source: bytes) -> None:
+        super().__init__(name, path)
+        self._source = source
+
+    def get_data(self, path: str) -> bytes:
+        return self._source if path == self.path else super().get_data(path)
+
+    def path_stats(self, path: str) -> dict[str, Any]:
+        raise OSError(path)
 
 
 def _absolute(place: str) -> Path:
@@ -150,10 +219,10 @@ def _absolute(place: str) -> Path:
     return Path(os.path.realpath(os.path.expanduser(place)))  # noqa: PTH111
 
 
-def _execute(place: str, before: Loaded | None) -> Loaded:
-    """Run a Python file as a module of its own; modules beside it can be imported."""
+def _execute(place: str, before: Loaded | None, files: dict[Path, bytes]) -> Loaded:
+    """Run a Python file as a module of its own, as it is or as it was; modules beside it can be imported."""
     path = Path(place)
-    source = read_bytes(path, ConfigError, "code", limit="text_mb")
+    source = files[path] if path in files else read_bytes(path, ConfigError, "code", limit="text_mb")
     for changed in before.files if before else ():
         _forget(changed)
     if str(path.parent) not in sys.path:
@@ -161,17 +230,25 @@ def _execute(place: str, before: Loaded | None) -> Loaded:
     module = ModuleType(f"{path.stem}_{hashlib.sha256(place.encode()).hexdigest()[:8]}")
     module.__file__ = place
     sys.modules[module.__name__] = module  # dataclasses look for their module there
-    linecache.checkcache(place)
-    _run(place, lambda: exec(compile(source, place, "exec"), vars(module)))
-    return Loaded(module, {**files_of(module), path: source})
+
+    def run() -> None:
+        code = compile(source, place, "exec")
+        lines = decode_source(source).splitlines(keepends=True)
+        linecache.cache[place] = len(source), None, lines, place  # tracebacks show what ran
+        exec(code, vars(module))
+
+    _run(place, run)
+    return Loaded(module, files or {**files_of(module), path: source})
 
 
-def _import(place: str, before: Loaded | None) -> Loaded:
-    del before
+def _import(place: str, before: Loaded | None, files: dict[Path, bytes]) -> Loaded:
+    """Import a module; one that was imported from other files before is forgotten."""
+    for changed in before.files if before else ():
+        _forget(changed)
     modules: list[ModuleType] = []
     with _here_importable():
         _run(place, lambda: modules.append(importlib.import_module(place)))
-    return Loaded(modules[0], files_of(modules[0]))
+    return Loaded(modules[0], files or files_of(modules[0]))
 
 
 def _run(place: str, function: Callable[[], None]) -> None:
@@ -186,7 +263,8 @@ def _run(place: str, function: Callable[[], None]) -> None:
 def _forget(path: Path) -> None:
     """Let a module beside a changed file be imported anew."""
     for name, module in list(sys.modules.items()):
-        if getattr(module, "__file__", None) == str(path):
+        file = getattr(module, "__file__", None)
+        if isinstance(file, str) and file.endswith(path.name) and Path(file).resolve() == path:
             del sys.modules[name]
 
 

@@ -177,7 +177,7 @@ class Registry(Generic[T]):
             return self._accept(name, entry.build(name, options))
         except ConfigError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise OwnCodeError(f"{self.kind} {name!r} cannot be made:\n{told(error)}") from error
 
     def find(self, spec: str) -> tuple[Entry[T], Any]:
@@ -266,7 +266,7 @@ class Registry(Generic[T]):
             return None
         try:
             thing = point.load()
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise OwnCodeError(
                 f"{self.kind} {name!r} of {point.value} cannot be loaded:\n{told(error)}"
             ) from error

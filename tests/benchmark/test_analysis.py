@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Any
 
 import numpy as np
 import pytest
 
-from layoutexplore.benchmark.analysis import POOLED, by_plan, compare, groups, pooled_curves, summarise_agents
+from layoutexplore.benchmark.analysis import (
+    POOLED,
+    by_plan,
+    cells_of_agents,
+    compare,
+    failed_runs,
+    groups,
+    headline_level,
+    measured_levels,
+    pooled_curves,
+    summarise_agents,
+)
 from layoutexplore.benchmark.rows import Row, knows_the_plan
+from layoutexplore.errors import ConfigError
 
 
 def row(plan: str, agent: str, d95: float, *, start: int = 0, sensor: str = "stage", **more: Any) -> Row:
@@ -73,6 +86,39 @@ def test_floors_of_one_building_are_resampled_together() -> None:
 def test_levels_that_were_not_measured_are_left_out() -> None:
     rows = [row("a", "nearest", 10, d99=math.nan), row("a", "tour", 10, d99=math.nan)]
     assert {c.metric for c in compare(rows, "nearest")} == {"d90", "d95"}
+
+
+def test_a_level_that_some_runs_overshot_is_not_measured() -> None:
+    rows = [row("a", "nearest", 10, d99=math.nan), row("b", "nearest", 10), row("b", "tour", 9)]
+    assert measured_levels(rows) == ("d90", "d95") and headline_level(rows) == "d95"
+    assert {c.metric for c in compare(rows, "nearest")} == {"d90", "d95"}
+    low = [dataclasses.replace(each, d95=math.nan, d99=math.nan) for each in rows]
+    assert headline_level(low) == "d90"
+    assert headline_level([dataclasses.replace(each, d90=math.nan) for each in low]) == ""
+    assert measured_levels([row("a", "tour", math.nan, error="Boom")]) == ()
+
+
+def test_two_runs_of_an_agent_in_a_cell_are_refused() -> None:
+    here = [row("a", agent, 10, config_hash="one") for agent in ("nearest", "tour")]
+    noisy = [dataclasses.replace(each, d95=12.0, config_hash="two") for each in here]
+    with pytest.raises(ConfigError, match=r"nearest has two runs on a, start 0, stage \(.* one and two\)"):
+        compare([*here, *noisy], "nearest")
+    failed = dataclasses.replace(here[1], error="Boom")
+    assert len(compare([*here, failed], "nearest")) == 6  # a run that failed before it was made again
+    renamed = [dataclasses.replace(each, agent=f"{each.agent}, noisy") for each in noisy]
+    assert {c.agent for c in compare([*here, *renamed], "nearest")} == {
+        *("nearest", "tour"),
+        *("nearest, noisy", "tour, noisy"),
+    }
+
+
+def test_failed_runs_by_agent() -> None:
+    rows = [row("a", "tour", 5), row("b", "tour", 5, error="Boom: 1"), row("a", "far", 5, error="Boom: 2")]
+    assert [str(line) for line in failed_runs(rows)] == [
+        "far: its only run failed with Boom: 2",
+        "tour: 1 of 2 runs failed, first with Boom: 1",
+    ]
+    assert cells_of_agents(rows) == {"tour": {("a", 0, "stage")}, "far": set()}
 
 
 def test_no_baseline_no_comparison() -> None:

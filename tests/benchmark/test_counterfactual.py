@@ -5,6 +5,8 @@ from __future__ import annotations
 import copy
 import dataclasses
 import math
+import random
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -34,11 +36,16 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.geojson import save_plan
+from layoutexplore.predictors import make_predictor
 from layoutexplore.simulation.config import SimulationConfig
-from layoutexplore.simulation.episode import Episode, play
+from layoutexplore.simulation.episode import Episode, TimedPredictor, play
 from layoutexplore.simulation.robot import OdometryNoise
+from layoutexplore.simulation.simulation import Simulation
 from tests.plans import offices
+from tests.plugins.cases import AGENT as AGENT_OF_ONES_OWN
+from tests.plugins.cases import write
 
+PREDICTS = "    predictor = 'oracle'\n\n    def __init__"
 AGENT = "layout-nearest:predictor=oracle:flip=0.25"
 
 
@@ -77,6 +84,79 @@ def test_the_run_goes_on_as_if_nobody_had_asked(plan: FloorPlan) -> None:
     assert np.array_equal(asked.curve, silent.curve) and np.array_equal(asked.track, silent.track)
     assert silent.notes is None and asked.notes is not None
     assert len(asked.notes.log) == len(asked.decision_ms) == len(asked.prediction_ms)
+
+
+class Gambler(Fixed):
+    """Takes the random numbers of the process, and cannot do what its mood says."""
+
+    def __init__(self, mood: str = "") -> None:
+        self.mood = mood
+
+    def reset(self, seed: int) -> None:
+        random.seed(seed)
+        np.random.seed(seed)  # noqa: NPY002
+        if self.mood == "holds a generator":
+            self.numbers = (number for number in range(10**6))
+        if self.mood == "deals badly":
+            self.lock = Lock()
+
+    def act(self, decision: Decision) -> Choice:
+        if decision.frontiers and decision.frontiers[0].is_closed is None:
+            if self.mood == "fails without":
+                raise ZeroDivisionError
+            if self.mood == "quits without":
+                sys.exit()
+            if self.mood == "no choice without":
+                return None  # type: ignore[return-value]
+        count = len(decision.frontiers)
+        gambled = random.randrange(2**20) + np.random.randint(2**20)  # noqa: NPY002
+        return gambled % count if count else STOP
+
+
+class Lock:
+    """Takes random numbers while it is copied."""
+
+    def __deepcopy__(self, memo: object) -> Lock:
+        random.random()
+        return Lock()
+
+
+@pytest.mark.parametrize(
+    ("mood", "answers"),
+    [
+        ("", True),
+        ("deals badly", True),
+        ("holds a generator", False),
+        ("fails without", False),
+        ("quits without", False),
+        ("no choice without", False),
+    ],
+)
+def test_own_agents_are_asked_without_touching_them(plan: FloorPlan, mood: str, answers: bool) -> None:
+    def episode(*, explain: bool) -> Episode:
+        predictor = TimedPredictor(make_predictor("oracle:flip=0.25"))  # type: ignore[arg-type]
+        simulation = Simulation(plan, SimulationConfig(sensor="stage"), predictor)
+        return play(simulation, Gambler(mood), probe=CounterfactualRollouts if explain else None)
+
+    asked, silent = episode(explain=True), episode(explain=False)
+    assert np.array_equal(asked.track, silent.track)
+    assert (asked.notes is not None) == answers
+    if answers:  # it gambles with the same numbers when it is asked again
+        assert not asked.notes.column("changed").any() and not asked.notes.column("misled").any()
+
+
+def test_who_gives_no_answer_is_told_once(plan: FloorPlan, tmp_path: Path) -> None:
+    save_plan(plan, tmp_path / "offices.geojson")
+    text = AGENT_OF_ONES_OWN.replace("pass", "self.numbers = iter(x for x in [])")
+    mine = f"{write(tmp_path, text.replace('    def __init__', PREDICTS))}:Mine"
+    config = BenchmarkConfig(plans=(str(tmp_path / "offices.geojson"),), starts=2, agents=("nearest", mine))
+    done = run_benchmark(config, tmp_path / "out")
+    (told,) = done.warnings
+    assert told.startswith(mine) and "cannot be copied" in told and not done.failed
+    assert [math.isnan(row.layout_changed) for row in done.rows] == [row.agent == mine for row in done.rows]
+    words = ["benchmark", "--plans", str(tmp_path / "offices.geojson"), "--agents", mine, "--jobs", "1"]
+    result = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "again"), "--starts", "1"])
+    assert result.exit_code == 0 and result.output.count("cannot be copied") == 1
 
 
 def test_agents_without_a_predictor_are_not_asked(plan: FloorPlan) -> None:

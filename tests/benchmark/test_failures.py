@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.rows import prepare
-from layoutexplore.benchmark.runner import run_benchmark
+from layoutexplore.benchmark.runner import BenchmarkWatcher, run_benchmark
+from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.cli import app
 from layoutexplore.errors import OwnCodeError, ResultsError
 from layoutexplore.frontiers.decision import STOP, Decision
@@ -150,6 +151,56 @@ def test_a_repaired_run_has_no_failure(plans: Path, tmp_path: Path) -> None:
     write(tmp_path)
     again = run_benchmark(config(plans, f"{path}:Mine"), tmp_path / "out", force=True)
     assert not again.failed and not list((tmp_path / "out").rglob("*.error.txt"))
+
+
+@pytest.mark.parametrize("moment", ["said", "compiling", "exploring"])
+def test_a_file_that_is_edited_changes_nothing_in_a_run(plans: Path, tmp_path: Path, moment: str) -> None:
+    lazy = AGENT.replace("return min(", f"from {moment}_step import STEP\n        return min(STEP + ")
+    write(tmp_path, "STEP = 1", f"{moment}_step.py")
+    path = write(tmp_path, lazy)
+    wanted = config(plans, f"{path}:Mine")
+    whole = run_benchmark(wanted, tmp_path / "whole", jobs=2)
+
+    def edit(text: str) -> None:
+        if text.startswith(moment) or moment == "said":
+            write(tmp_path, FAILING)
+            write(tmp_path, "STEP = 0 / 0", f"{moment}_step.py")
+
+    for jobs in (1, 2):
+        write(tmp_path, lazy)
+        write(tmp_path, "STEP = 1", f"{moment}_step.py")
+        out = tmp_path / str(jobs)
+        edited = run_benchmark(wanted, out, jobs=jobs, watcher=BenchmarkWatcher(say=edit))
+        assert not edited.failed and timeless(edited.rows) == timeless(whole.rows)
+    with pytest.raises(ResultsError, match="another configuration"):
+        run_benchmark(wanted, out)
+
+
+def test_an_agent_that_ends_the_program_fails_alone(plans: Path, tmp_path: Path) -> None:
+    path = write(tmp_path, AGENT.replace("return min(", "__import__('sys').exit('bye')\n        return min("))
+    for jobs in (1, 2):
+        done = run_benchmark(config(plans, f"{path}:Mine"), tmp_path / str(jobs), jobs=jobs)
+        assert [row.error for row in done.failed] == ["SystemExit: bye (mine.py, line 15)"]
+        assert len(done.rows) == 2
+    path = write(tmp_path, AGENT.replace("self.skip = skip", "raise SystemExit('bye')"))
+    with pytest.raises(OwnCodeError, match="bye"):
+        run_benchmark(config(plans, f"{path}:Mine"), tmp_path / "out")
+
+
+@pytest.mark.parametrize("spec", ["{}:Mine", "layout-tour:predictor={}:Mine"])
+def test_code_that_ends_its_process_from_the_beginning_costs_its_own_runs(
+    plans: Path, tmp_path: Path, spec: str
+) -> None:
+    """In a process of its own: it would end this one."""
+    ending = AGENT.replace("return min(", "__import__('os')._exit(3)\n        return min(")
+    text = ending if spec.startswith("{") else ROOMS.replace("return np", "__import__('os')._exit(3)\n    #")
+    agent = spec.format(write(tmp_path, text))
+    words = ["benchmark", "--plans", str(plans / "cottage.geojson"), "--starts", "1", "--tries", "1"]
+    words += ["--agents", "nearest", "--agents", agent, "--out", str(tmp_path / "out"), "--jobs", "2"]
+    done = subprocess.run([sys.executable, "-m", "layoutexplore", *words], capture_output=True, check=False)
+    assert done.returncode == 1, done.stderr
+    errors = {row.agent: row.error for row in ResultsFolder(tmp_path / "out").rows()}
+    assert not errors["nearest"] and errors[agent].startswith("WorkerDied")
 
 
 def test_code_that_cannot_be_loaded_is_told_before_anything_runs(plans: Path, tmp_path: Path) -> None:

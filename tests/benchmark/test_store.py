@@ -15,10 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.failures import KEPT
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import COLUMNS, Row, format_row, parse_row
 from layoutexplore.benchmark.runner import BenchmarkWatcher, run_benchmark
-from layoutexplore.benchmark.store import COLUMNS, ResultsFolder, format_row, locked, parse_row
+from layoutexplore.benchmark.store import KEPT, ResultsFolder, locked
 from layoutexplore.errors import ResultsError
 from layoutexplore.files import write_arrays
 from layoutexplore.maps.geojson import save_plan
@@ -147,7 +146,7 @@ def test_a_manifest_that_lacks_something_is_told(config: BenchmarkConfig, tmp_pa
     ("line", "hostile", "said"),
     [
         ("range_noise_std = ", "range_noise_std = []", "range_noise_std must be a finite number"),
-        ("command = ", "command = 5", "command must be a text"),
+        ("commands = ", "commands = 5", "commands must be a list"),
         ("content_hash = ", "content_hash = []", "content_hash must be a text"),
     ],
 )

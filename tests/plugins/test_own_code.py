@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from layoutexplore.errors import OwnCodeError
-from layoutexplore.plugins.own_code import Reference, pinned, pins, reference_in
+from layoutexplore.plugins.own_code import LARGEST_PINNED, Reference, pinned, pins, reference_in
 from tests.plugins.cases import write
 
 
@@ -50,8 +51,95 @@ def test_a_pinned_file_stays_what_it_was(tmp_path: Path) -> None:
     with pinned(kept):
         assert reference(path).load() == 1
     assert reference(path).load() == 2
+    with pinned(kept):
+        assert reference(path).load() == 1
+    (tmp_path / "mine.py").unlink()
+    with pinned(kept):
+        assert reference(path).load() == 1
+
+
+def test_a_large_pinned_file_is_read_where_it_lies(tmp_path: Path) -> None:
+    path = write(tmp_path, f"VALUE = 1  # {'x' * LARGEST_PINNED}")
+    reference(path).load()
+    kept = pins()
+    assert not kept[path].files
+    write(tmp_path, "VALUE = 2")
+    with pinned(kept):
+        assert reference(path).load() == 1
+    assert reference(path).load() == 2
     with pinned(kept), pytest.raises(OwnCodeError, match="has changed since the benchmark began"):
         reference(path).load()
+
+
+BESIDE = {
+    "beside_constant.py": "SIGN = 1",
+    "beside_lazily.py": "from beside_package.part import WEIGHT\ndef score(): return WEIGHT",
+    "beside_package/__init__.py": "",
+    "beside_package/part.py": "from . import deep\nfrom .deep import WEIGHT\nimport beside_constant",
+    "beside_package/deep.py": "WEIGHT = 1",
+}
+IMPORTING = """
+from beside_constant import SIGN
+
+def VALUE():
+    from beside_lazily import score
+    return SIGN, score()
+"""
+
+
+@pytest.fixture
+def importing(tmp_path: Path) -> Iterator[str]:
+    """A file that imports a number, and more of the files beside it within a function."""
+    (tmp_path / "beside_package").mkdir()
+    for name, text in BESIDE.items():
+        write(tmp_path, text, name)
+    yield write(tmp_path, IMPORTING)
+    sys.path.remove(str(tmp_path))
+    for name in [name for name in sys.modules if name.startswith("beside_")]:
+        del sys.modules[name]
+
+
+@pytest.mark.parametrize("name", list(BESIDE))
+def test_every_import_counts_wherever_it_stands(importing: str, tmp_path: Path, name: str) -> None:
+    digest = reference(importing).digest()
+    write(tmp_path, BESIDE[name] + "\n# another", name)
+    assert reference(importing).digest() != digest
+
+
+def test_what_is_imported_later_stays_as_it_was_pinned(importing: str, tmp_path: Path) -> None:
+    value, kept = reference(importing).load(), pins()
+    write(tmp_path, "SIGN = -1", "beside_constant.py")
+    write(tmp_path, "WEIGHT = -1", "beside_package/deep.py")
+    (tmp_path / "beside_lazily.py").unlink()
+    with pinned(kept):
+        assert value() == (1, 1)
+        assert reference(importing).load()() == (1, 1)
+    write(tmp_path, BESIDE["beside_lazily.py"], "beside_lazily.py")
+    assert reference(importing).load()() == (-1, -1)
+
+
+def test_what_is_no_python_and_what_imports_itself_is_read_all_the_same(tmp_path: Path) -> None:
+    write(tmp_path, "def (", "beside_broken.py")
+    write(tmp_path, "import mine, beside_broken, layoutexplore.agents, numpy\nimport beside_b", "beside_a.py")
+    write(tmp_path, "import beside_a", "beside_b.py")
+    path = write(tmp_path, "def VALUE():\n    import beside_a")
+    reference(path).load()
+    assert {file.name for file in pins()[path].files} == {
+        "mine.py",
+        "beside_a.py",
+        "beside_b.py",
+        "beside_broken.py",
+    }
+
+
+def test_a_package_of_one_s_own_counts_as_a_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own_package").mkdir()
+    write(tmp_path, "from own_package.sizes import SIZE\nVALUE = SIZE", "own_package/__init__.py")
+    write(tmp_path, "SIZE = 3", "own_package/sizes.py")
+    found = Reference("own_package:VALUE", "own_package", "VALUE")
+    assert found.load() == 3
+    assert {file.name for file in pins()["own_package"].files} == {"__init__.py", "sizes.py"}
 
 
 def test_a_name_leads_where_it_led_from_another_folder(
