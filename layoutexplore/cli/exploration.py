@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -191,6 +192,7 @@ def summary(row: Row, *, filmed: bool, back: str = "", prior: str = "") -> Table
 
     table = Table(box=None, show_header=False, pad_edge=False)
     reached = {"d90": row.reached90, "d95": row.reached95, "d99": row.reached99}
+    missed = {n: "not measured" if math.isnan(getattr(row, n)) else "not reached" for n in reached}
     lines = [
         ("floor plan", f"{row.plan}, {row.target_area:.0f} m² to see"),
         ("agent, sensor", f"{row.agent}, {row.sensor}"),
@@ -204,7 +206,7 @@ def summary(row: Row, *, filmed: bool, back: str = "", prior: str = "") -> Table
         ("travelled", f"{row.distance:.1f} m, {100 * row.revisits:.0f} % of it where it had been before"),
         *([("way back", back)] if back else ()),
         *(
-            (f"{name[1:]} % seen after", f"{getattr(row, name):.1f} m" if ok else "not reached")
+            (f"{name[1:]} % seen after", f"{getattr(row, name):.1f} m" if ok else missed[name])
             for name, ok in reached.items()
         ),
         *([("prior plan", prior)] if prior else ()),

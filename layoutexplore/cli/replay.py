@@ -46,11 +46,11 @@ def replay(
     require("jinja2", "bench")
     results = ResultsFolder(folder)
     results.manifest()
-    rows = sorted((row for row in results.rows() if not row.error), key=lambda row: row.key)
+    rows = sorted(results.rows(), key=lambda row: row.key)
     for name, wanted in (("plan", plan), ("agent", agent), ("start", start), ("sensor", sensor)):
         rows = _only(rows, name, wanted, folder)
     count = write_replay(results, rows, out)
-    typer.echo(f"wrote {out}: {count} of {counted(len(rows), 'run')}")
+    typer.echo(f"wrote {out}: {count} of {counted(sum(not row.error for row in rows), 'run')}")
 
 
 def _only(rows: Sequence[Row], name: str, wanted: Sequence[object] | None, folder: Path) -> list[Row]:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from layoutexplore.closed_doors.prediction import predict_closed_rooms
-from layoutexplore.errors import checks_arguments
+from layoutexplore.errors import ConfigError, MapError, checks_arguments
 from layoutexplore.files import write_atomically
 from layoutexplore.grids.arrays import Mask, check_alike
 from layoutexplore.grids.grid import FREE, OccupancyGrid
@@ -136,6 +136,26 @@ def evaluate(
 
 
 @checks_arguments
+def held_out_groups(triples: Sequence[Triple], folds: int) -> int:
+    """How many groups the buildings of maps can be dealt into: at most one a building.
+
+    Args:
+        triples: The maps, as from `find_triples`.
+        folds: Groups that are wanted.
+
+    Raises:
+        ConfigError: Fewer than two are wanted, or the maps are of one building.
+    """
+    count = len({building_of(t.building, "closed doors") for t in triples})
+    if folds < 2 or count < 2:
+        raise ConfigError(
+            f"to hold buildings out takes two folds and two buildings at least: got {folds} for {count} "
+            "building(s)"
+        )
+    return min(folds, count)
+
+
+@checks_arguments
 def cross_validate_closed_doors(
     triples: Sequence[Triple],
     folds: int,
@@ -152,17 +172,26 @@ def cross_validate_closed_doors(
         learnt: What the models learn from, as of `layoutexplore.training.closed_doors.collect_all`.
         resolution: Metres a cell.
         out: Folder for the predictions.
+
+    Raises:
+        ConfigError: As `held_out_groups` does.
+        MapError: Nothing is learnt from without the buildings of a fold.
     """
     from layoutexplore.training.closed_doors import fit
     from layoutexplore.training.folds import deal_folds
 
     buildings = [building_of(t.building, "closed doors") for t in triples]
-    fold = deal_folds(buildings, folds, "given")
+    fold = deal_folds(buildings, held_out_groups(triples, folds), "given")
     models: dict[int, Models] = {}
     for triple, building in zip(triples, buildings, strict=True):
         k = fold[building]
         if k not in models:
-            models[k] = fit(samples for source, samples in learnt if fold.get(source.building) != k)
+            others = [samples for source, samples in learnt if fold.get(source.building) != k]
+            if not others:
+                raise MapError(
+                    f"without {building} and its fold nothing is left to learn from: --plans adds some"
+                )
+            models[k] = fit(others)
         yield evaluate_triple(triple, resolution, out, models[k])
 
 

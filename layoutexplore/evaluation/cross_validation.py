@@ -3,9 +3,9 @@
 The maps are held out by building, dealt into folds, or by source: where a map comes from (who drew or
 recorded it, with what). Folds inside one source flatter, for a new user's maps are of no source that was
 trained on. Either way the classifier is trained on the maps of all the others, on these maps while being
-explored, and on maps simulated from floor plans, and the method is scored on what was held out. Training
-takes chance: with several seeds, the spread of the means over the seeds is what a difference between two
-trainings has to exceed.
+explored, and on maps simulated from floor plans of other buildings, and the method is scored on what was held
+out. Training takes chance: with several seeds, the spread of the means over the seeds is what a difference
+between two trainings has to exceed.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from layoutexplore.errors import ConfigError, checks_arguments
+from layoutexplore.errors import ConfigError, LayoutExploreError, checks_arguments
 from layoutexplore.evaluation.segmentation import MapScore, score_case
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.layout.merging.merge_tree.cut import MergingModels
 from layoutexplore.layout.merging.method import MergingConfig, reconstruct_with
 from layoutexplore.layout.types import Layout
+from layoutexplore.maps import load_plan
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.training.folds import Progress, check_folds, deal_folds, silent
 from layoutexplore.training.map_noise.examples import POLYGONAL, polygonal_examples, weathered_pairs
@@ -38,7 +39,7 @@ class CrossValidationConfig:
     Attributes:
         folds: Number of folds of buildings; not used where sources are left out.
         protocol: Of `layoutexplore.metrics.segmentation.PROTOCOLS`.
-        resolution: Metres a pixel.
+        resolution: Metres a pixel where a map's folder does not say it.
         simulated: Number of simulated maps to train on besides.
         plans: Floor plans to simulate maps of, besides generated ones.
         seeds: The classifiers are trained so many times, with seeds 0, 1, ...
@@ -130,13 +131,26 @@ def leave_sources_out(
 def _score_parts(
     parts: Sequence[_Part], config: CrossValidationConfig, progress: Progress
 ) -> Iterator[Scored]:
-    """Train for each part and score it, seed by seed; `fold` is the number of the part."""
+    """Train for each part and score it, seed by seed; `fold` is the number of the part.
+
+    What is held out may itself be simulated from a plan that is simulated from here: no example of a plan of
+    a building that is held out is trained on.
+    """
     simulated = weathered_pairs(config.simulated, config.plans, progress=progress)
     polygonal = polygonal_examples(config.simulated // POLYGONAL, progress=progress)
+    of_plan = _buildings_of(config.plans if simulated else ())
     for seed in range(config.seeds):
         for fold, part in enumerate(parts):
             training = MergingTrainingConfig(seed=seed, kind_weights=config.weights)
-            models = train_all_models(part.recorded, simulated, polygonal, training)
+            held = {case.building for case in part.held}
+            strange = {e.kind for e in [*(e for e, _ in simulated), *polygonal]} - held
+            strange -= {plan for plan, building in of_plan.items() if building in held}
+            models = train_all_models(
+                part.recorded,
+                [pair for pair in simulated if pair[0].kind in strange],
+                [example for example in polygonal if example.kind in strange],
+                training,
+            )
             progress("judges trained", seed * len(parts) + fold + 1, config.seeds * len(parts))
 
             def run(grid: OccupancyGrid, models: MergingModels = models) -> Layout:
@@ -147,3 +161,15 @@ def _score_parts(
                     case, "default", protocol=config.protocol, resolution=config.resolution, run=run
                 )
                 yield (case, replace(row, source=config.source_of(case), fold=fold, seed=seed), layout.labels)
+
+
+def _buildings_of(plans: Sequence[str]) -> dict[str, str]:
+    """The building of each plan by the plan's name; those that cannot be read are not simulated from."""
+    found = {}
+    for source in plans:
+        try:
+            plan = load_plan(source)
+        except LayoutExploreError:
+            continue
+        found[plan.name] = plan.building
+    return found

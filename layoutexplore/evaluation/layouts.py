@@ -3,6 +3,7 @@
 The true rooms are stretched so that the bounding box of all of them equals that of the wall segments that
 were found, as the authors do; then A_FC and A_BC pool the overlap of each room with its best counterpart by
 area.
+Whether y points up or down in a floor plan no file says: `facing_outlines` asks the map.
 """
 
 from __future__ import annotations
@@ -17,8 +18,13 @@ import shapely
 from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.files.markup import read_xml
 from layoutexplore.grids.arrays import Floats
+from layoutexplore.grids.grid import OccupancyGrid
+from layoutexplore.grids.polygons import fill
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines
+
+WALL = 0.3
+"""Thickness of the walls between true rooms where they are held against a map's free space, in metres."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,9 +52,7 @@ class LayoutScores:
 
 @checks_arguments
 def read_outlines(path: str | Path) -> list[shapely.Polygon]:
-    """The true rooms of a school's XML file, in its pixels.
-
-    `y` points up in the grid maps that were made from these plans.
+    """The true rooms of a school's XML file, in its pixels and with its y, which may point up or down.
 
     Raises:
         MapError: The file cannot be read or holds no room.
@@ -100,6 +104,49 @@ def stretch(
 
 
 @checks_arguments
+def facing_outlines(
+    rooms: Sequence[shapely.Polygon], grid: OccupancyGrid
+) -> tuple[list[shapely.Polygon], bool]:
+    """The true rooms the way round that fits a map's free space better, and whether that is mirrored in y.
+
+    Both ways, the rooms are stretched over the free cells; what counts is the intersection over union of
+    these and of the rooms without their walls. No layout of the map is looked at.
+
+    Args:
+        rooms: The true rooms, in any units, y up or down.
+        grid: The map; where nothing in it is free, the rooms stay as they are.
+
+    Example:
+        >>> cells = np.where(np.arange(40)[:, None] > np.arange(40), 100, 0).astype(np.int8)
+        >>> triangle = shapely.Polygon([(0, 0), (2, 2), (2, 0)])
+        >>> facing_outlines([triangle], OccupancyGrid(cells, 0.1))[1]
+        False
+        >>> facing_outlines([shapely.Polygon([(0, 0), (2, -2), (2, 0)])], OccupancyGrid(cells, 0.1))[1]
+        True
+    """
+    mirrored = [shapely.transform(room, _mirror) for room in rooms]
+    if not grid.free.any() or _free_fit(mirrored, grid) <= _free_fit(rooms, grid):
+        return [*rooms], False
+    return mirrored, True
+
+
+def _mirror(points: Floats) -> Floats:
+    return np.asarray(points * np.array((1.0, -1.0)))
+
+
+def _free_fit(rooms: Sequence[shapely.Polygon], grid: OccupancyGrid) -> float:
+    """Intersection over union of the free cells and of the rooms less their walls, stretched over them."""
+    rows, cols = np.nonzero(grid.free)
+    low, high = np.array((cols.min(), rows.min())), np.array((cols.max(), rows.max())) + 1
+    box = tuple((grid.resolution * np.concatenate([low, high])).tolist())
+    cells = np.zeros(grid.shape, np.uint8)
+    for room in stretch(rooms, box):
+        fill(cells, room.buffer(-WALL / 2), 1, grid.resolution, (0.0, 0.0))
+    inside = cells > 0
+    return float(np.count_nonzero(inside & grid.free) / np.count_nonzero(inside | grid.free))
+
+
+@checks_arguments
 def wall_bounds(layout: Layout) -> tuple[float, float, float, float]:
     """Bounding box (x0, y0, x1, y1) of the layout's wall segments; of its rooms where there are none."""
     if len(layout.segments):
@@ -115,7 +162,7 @@ def score_layout(layout: Layout, truth: Sequence[shapely.Polygon]) -> LayoutScor
 
     Args:
         layout: The layout; one without rooms scores 0.
-        truth: The true rooms with y up, in any units.
+        truth: The true rooms with y up, in any units: see `facing_outlines`.
     """
     if not layout.rooms:
         return score_polygons([], truth)

@@ -22,6 +22,8 @@ LEVELS = (NOISELESS, *NOISE)
 BASELINE = "nearest"
 """The strategy that the others are compared with at each level."""
 
+_NOTHING = Interval(float("nan"), float("nan"), float("nan"))
+
 
 @checks_arguments
 def chosen_levels(names: Sequence[str] | None) -> tuple[str, ...]:
@@ -45,7 +47,8 @@ class AgentUnderNoise:
         level: One of `LEVELS`.
         runs: How many.
         reached: Share of them that saw 99 %, 0..1.
-        d95: Metres to 95 % over those of the same strategy without noise in the same cells.
+        d95: Metres to 95 % over those of the same strategy without noise in the same cells; NaN where none
+            of these ended well.
         d99: The same to 99 %.
         to_baseline: Metres to 95 % over those of `BASELINE` at the same level; None where it did not run.
     """
@@ -78,7 +81,7 @@ class PredictorUnderNoise:
 
 @checks_arguments
 def agents_under_noise(rows: Mapping[str, Sequence[Row]]) -> list[AgentUnderNoise]:
-    """One line an agent and level, in the order of the levels given.
+    """One line an agent and level at which a run of it ended well, in the order of the levels given.
 
     Args:
         rows: By level, the runs of the same cells.
@@ -104,15 +107,15 @@ def _line(
     # `compare` pairs by agents: the runs of one strategy at two levels are handed to it under two names.
     pairs = [dataclasses.replace(row, agent=NOISELESS) for row in exact]
     pairs += [dataclasses.replace(row, agent="noisy") for row in mine]
-    own = _pooled(compare(pairs, NOISELESS), "noisy")
+    own = {metric: c.ratio for metric, c in _pooled(compare(pairs, NOISELESS), "noisy").items()}
     baseline = _pooled(compare(part, BASELINE), agent).get("d95")
     return AgentUnderNoise(
         agent=agent,
         level=level,
         runs=len(mine),
         reached=sum(row.reached99 for row in mine) / len(mine),
-        d95=own["d95"].ratio,
-        d99=own["d99"].ratio,
+        d95=own.get("d95", _NOTHING),
+        d99=own.get("d99", _NOTHING),
         to_baseline=baseline.ratio if baseline else None,
     )
 

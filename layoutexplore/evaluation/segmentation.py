@@ -18,6 +18,7 @@ import numpy as np
 from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case, read_case
@@ -34,7 +35,7 @@ CLASSIC = frozenset({"morphological", "distance", "voronoi"})
 
 @dataclass(frozen=True, kw_only=True)
 class MapScore:
-    """The scores of one method on one map; measures in 0..1."""
+    """The scores of one method on one map; measures in 0..1, `m_per_px` the metres a pixel it was read at."""
 
     folder: str
     map: str
@@ -53,6 +54,7 @@ class MapScore:
     source: str = ""
     fold: int = -1
     seed: int = 0
+    m_per_px: float = DEFAULT_RESOLUTION
     warnings: str = ""
 
 
@@ -71,13 +73,13 @@ def score_case(
         case: The map.
         method: Name of the method.
         protocol: Of `layoutexplore.metrics.segmentation.PROTOCOLS`.
-        resolution: Metres a pixel.
+        resolution: Metres a pixel where the map's folder does not say it.
         run: What to run instead of the method of that name.
     """
     grid, truth, free = read_case(case, resolution)
     if method in CLASSIC:
         grid = OccupancyGrid(
-            np.where(free, FREE, np.where(grid.free, UNKNOWN, grid.cells)).astype(np.int8), resolution
+            np.where(free, FREE, np.where(grid.free, UNKNOWN, grid.cells)).astype(np.int8), grid.resolution
         )
     begin = time.perf_counter()
     layout = reconstruct(grid, method) if run is None else run(grid)
@@ -87,6 +89,7 @@ def score_case(
         folder=case.folder,
         map=case.name,
         building=case.building,
+        m_per_px=grid.resolution,
         method=method,
         ms=1000 * seconds,
         warnings="; ".join(layout.warnings),
@@ -105,7 +108,7 @@ def evaluate_cases(
         cases: The maps.
         methods: Names of the methods.
         protocol: Of `layoutexplore.metrics.segmentation.PROTOCOLS`.
-        resolution: Metres a pixel.
+        resolution: Metres a pixel where a map's folder does not say it.
         jobs: Processes; times are only comparable with 1.
     """
     work = [(case, method, protocol, resolution) for case in cases for method in methods]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import shapely
 from numba import njit
+from numpy.typing import NDArray
 
-from layoutexplore.errors import MapError, checks_arguments, shortened
+from layoutexplore.errors import ConfigError, MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, check_alike
 from layoutexplore.grids.components import split_labels
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
@@ -15,6 +18,31 @@ from layoutexplore.grids.runs import find_runs
 from layoutexplore.layout.lines.face_clusters import renumber
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Details, Layout, LayoutRoom
+
+HIGHEST_ID = 100_000
+"""Ids of rooms up to this are kept where there are fewer cells: tables are as long as the highest one."""
+
+
+def room_numbers(ids: NDArray[np.integer[Any]], where: str) -> Ints32:
+    """Ids of rooms int32 (rows, cols) as they are, or 1, 2, ... in their order where one is too high.
+
+    Args:
+        ids: int (rows, cols), 0 for none.
+        where: Who gives them, for the message.
+
+    Raises:
+        ConfigError: One is below 0.
+
+    Example:
+        >>> room_numbers(np.array([[0, 2**40], [7, 7]]), "mine").tolist()
+        [[0, 2], [1, 1]]
+    """
+    least, most = int(ids.min(initial=0)), int(ids.max(initial=0))
+    if least < 0:
+        raise ConfigError(f"{where}: ids of rooms are 0 for none and above, got {least}")
+    if most > max(ids.size, HIGHEST_ID):
+        ids = np.searchsorted(np.unique(ids[ids > 0]), ids, side="right")
+    return ids.astype(np.int32)
 
 
 @checks_arguments

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError, checks_arguments, checks_calls, unknown_name
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
-from layoutexplore.layout.outlines import layout_of_labels
+from layoutexplore.layout.outlines import layout_of_labels, room_numbers
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout
 from layoutexplore.options import Rule, check_kind, rule_like
@@ -180,7 +180,7 @@ def _accept(name: str, run: Any) -> Callable[[OccupancyGrid], Layout]:
                 f"layout method {name!r} must return a Layout or a room id a cell, int {grid.shape}, 0 for "
                 f"none; got {labels.dtype} {labels.shape}"
             )
-        return layout_of_labels(name, grid, labels.astype(np.int32), StageTimer())
+        return layout_of_labels(name, grid, room_numbers(labels, f"layout method {name!r}"), StageTimer())
 
     return method
 

@@ -39,12 +39,13 @@ class CurveScores:
     """What a coverage curve says about a run.
 
     Attributes:
-        d90: Metres until 90 % of the target area was seen; the budget when that never happened.
+        d90: Metres until 90 % of the target area was seen; the budget when that never happened, NaN where the
+            run was ended below.
         d95: The same for 95 %.
         d99: The same for 99 %.
-        reached90: Whether 90 % was seen.
-        reached95: Whether 95 % was seen.
-        reached99: Whether 99 % was seen.
+        reached90: Whether 90 % was seen; False where the run was ended below.
+        reached95: The same for 95 %.
+        reached99: The same for 99 %.
         auc: Mean coverage over the first `auc_horizon(target_area)` metres, 0..1.
     """
 
@@ -78,7 +79,7 @@ def score_curve(
         budget: Metres charged for a level that was not reached.
         target_area: Square metres that could be seen.
         goal: Coverage at which the run was ended; the distance of a level above it was not measured and is
-            NaN.
+            NaN, also where the last scan saw so much, and the level counts as not reached.
 
     Example:
         >>> scores = score_curve([(0, 0.5), (10, 0.9), (20, 1.0)], budget=100.0, target_area=10.0)
@@ -89,8 +90,10 @@ def score_curve(
     metres, reached = [], []
     for level in LEVELS:
         value, was_reached = distance_to_coverage(distance, coverage, level, budget=budget)
-        metres.append(value if level <= goal + 1e-9 or was_reached else float("nan"))
-        reached.append(was_reached)
+        # The last scan may see beyond the goal: taking those runs alone would be a biased sample.
+        measured = level <= goal + 1e-9
+        metres.append(value if measured else float("nan"))
+        reached.append(measured and was_reached)
     return CurveScores(
         d90=metres[0],
         d95=metres[1],

@@ -4,8 +4,8 @@ With S the segments (their free cells), G the true rooms and O their overlaps (B
 IAS-15, section IV):
 
 - precision: mean over s of max_g O / |s|; recall: mean over g of max_s O / |g|;
-- iou_s: mean over s of the IoU with the room of largest overlap; iou_g the same from the rooms to the
-  segments;
+- iou_s: mean over s of the IoU with the room of largest overlap (of several, the largest IoU); iou_g the same
+  from the rooms to the segments;
 - one_to_one: sum of IoU over the best one-to-one matching, divided by max(#S, #G): it forgives neither over-
   nor under-segmentation;
 - a_fc, a_bc: the same overlaps as precision and recall, pooled by area (forward and backward coverage).
@@ -25,6 +25,9 @@ from layoutexplore.errors import ConfigError, MapError, checks_arguments, shorte
 PROTOCOLS: dict[str, int] = {"rose2": 0, "bormann": 100}
 """Segments and rooms of at most so many cells are dropped, by protocol."""
 
+
+_MOST_IDS = 1000
+"""Highest id of a segment or room by which a table is indexed."""
 
 MEASURES = ("precision", "recall", "iou_s", "iou_g", "one_to_one", "a_fc", "a_bc")
 """The measures, in the order of the tables."""
@@ -67,7 +70,7 @@ def score_segmentation(
         protocol: One of `PROTOCOLS`.
 
     Raises:
-        MapError: The arrays differ in shape.
+        MapError: The arrays differ in shape, or a segment that counts or a room is below 0.
         ConfigError: No such protocol.
 
     Example:
@@ -100,16 +103,26 @@ def overlap_table(
         (rooms,), by rising label.
 
     Raises:
-        MapError: The arrays differ in shape or are not flat.
+        MapError: The arrays differ in shape or are not flat, or hold an id below 0.
     """
     if predicted.ndim != 1 or predicted.shape != truth.shape:
         raise MapError(f"segments {predicted.shape} and rooms {truth.shape} must be flat and of one length")
-    s, g = predicted.astype(np.int64), truth.astype(np.int64)
+    for name, ids in (("segments", predicted), ("rooms", truth)):
+        if ids.min(initial=0) < 0:
+            raise MapError(f"ids of {name} are 0 for none and above, got {ids.min()}")
+    s, g = _bounded(predicted), _bounded(truth)
     rows, cols = int(s.max(initial=0)) + 1, int(g.max(initial=0)) + 1
     table = np.bincount(s * cols + g, minlength=rows * cols).reshape(rows, cols)
     segment_sizes, room_sizes = table.sum(1)[1:], table.sum(0)[1:]
     keep_s, keep_g = segment_sizes > min_cells, room_sizes > min_cells
     return table[1:, 1:][keep_s][:, keep_g], segment_sizes[keep_s], room_sizes[keep_g]
+
+
+def _bounded(ids: NDArray[np.integer[Any]]) -> NDArray[np.int64]:
+    """Ids int64 (n,) in the same order; numbered from 1 where one is too high to index a table."""
+    if int(ids.max(initial=0)) > _MOST_IDS:
+        ids = np.searchsorted(np.unique(ids[ids > 0]), ids, side="right")
+    return ids.astype(np.int64)
 
 
 @checks_arguments
@@ -142,11 +155,14 @@ def scores_of_overlaps(
     iou = overlaps / (segment_sizes[:, None] + room_sizes[None, :] - overlaps)
     rows, cols = linear_sum_assignment(iou, maximize=True)
     best_s, best_g = overlaps.max(1), overlaps.max(0)
+    # which of two rooms with as many cells is meant must not depend on their numbers
+    iou_s = np.where(overlaps == best_s[:, None], iou, 0.0).max(1)
+    iou_g = np.where(overlaps == best_g[None, :], iou, 0.0).max(0)
     return SegmentationScores(
         precision=float((best_s / segment_sizes).mean()),
         recall=float((best_g / room_sizes).mean()),
-        iou_s=float(iou[np.arange(n_segments), overlaps.argmax(1)].mean()),
-        iou_g=float(iou[overlaps.argmax(0), np.arange(n_rooms)].mean()),
+        iou_s=float(iou_s.mean()),
+        iou_g=float(iou_g.mean()),
         one_to_one=float(iou[rows, cols].sum() / max(n_segments, n_rooms)),
         a_fc=float(best_s.sum() / segment_sizes.sum()),
         a_bc=float(best_g.sum() / room_sizes.sum()),

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from layoutexplore.errors import ConfigError, checks_arguments
+from layoutexplore.errors import ConfigError, checks_arguments, shortened
 
 DRAWS = 10_000
 """Bootstrap draws."""
@@ -121,17 +121,22 @@ def cluster_bootstrap(
         values: float (n,), one a run.
         clusters: (n,), anything that tells clusters apart: the buildings' names.
         statistic: What is estimated.
-        draws: Number of bootstrap draws.
-        confidence: Of the interval, 0..1.
+        draws: Number of bootstrap draws, at least 1.
+        confidence: Of the interval, above 0 and below 1.
         seed: Of the draws.
 
     Raises:
-        ConfigError: No values, or values and clusters of different length.
+        ConfigError: No values, values and clusters of different length, no draws, or a confidence that is
+            not above 0 and below 1.
 
     Example:
         >>> cluster_bootstrap([0.0, 0.0, 1.0, 1.0], ["a", "a", "b", "b"], seed=1)
         Interval(estimate=0.5, low=0.0, high=1.0)
     """
+    if not (isinstance(draws, (int, np.integer)) and draws >= 1):
+        raise ConfigError(f"draws must be a whole number of at least 1, got {shortened(draws)}")
+    if not (isinstance(confidence, (int, float, np.floating)) and 0 < confidence < 1):
+        raise ConfigError(f"confidence must be above 0 and below 1 (0.95), got {shortened(confidence)}")
     sample, names, member = _clustered(values, clusters)
     estimate = float(statistic(sample, np.ones((1, len(sample))))[0])
     if len(names) < 2:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, checks_calls
 from layoutexplore.frontiers.decision import Decision, Privileged
+from layoutexplore.layout.outlines import HIGHEST_ID, room_numbers
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor, with_rooms
 from layoutexplore.predictors.room_completion import walled_rooms
 
@@ -52,6 +53,13 @@ class OwnPredictor:
             return _completed(self.name, found, decision)
         for ids in (found.room_ids, found.passable):
             _check_shape(self.name, ids, decision)
+        given = np.asarray(found.room_ids)
+        highest = max(given.size, HIGHEST_ID)
+        if not np.issubdtype(given.dtype, np.integer) or not 0 <= given.min() <= given.max() <= highest:
+            raise ConfigError(
+                f"predictor {self.name!r}: ids of rooms in RoomLabels are 0 for none to {highest}, got "
+                f"{given.dtype} from {given.min()} to {given.max()}"
+            )
         return found
 
     def predict(self, decision: Decision) -> Decision:
@@ -76,7 +84,8 @@ def _completed(name: str, found: Any, decision: Decision) -> RoomLabels:
     if not np.issubdtype(ids.dtype, np.integer):
         raise ConfigError(f"predictor {name!r}: rooms must be ids, whole numbers, got {ids.dtype}")
     _check_shape(name, ids, decision)
-    return walled_rooms(decision.grid.cells, ids.astype(np.int32), int(ids.max(initial=0)) + 1)
+    ids = room_numbers(ids, f"predictor {name!r}")
+    return walled_rooms(decision.grid.cells, ids, int(ids.max(initial=0)) + 1)
 
 
 def _check_shape(name: str, ids: NDArray[Any], decision: Decision) -> None:

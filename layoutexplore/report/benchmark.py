@@ -7,7 +7,7 @@ import functools
 import math
 import platform
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -17,18 +17,23 @@ import numpy as np
 
 import layoutexplore
 from layoutexplore.benchmark.analysis import (
+    HEADLINE,
     METRICS,
     POOLED,
     AgentSummary,
     Comparison,
     agents_of,
     by_plan,
+    cells_of_agents,
     compare,
     groups,
+    headline_level,
+    measured_levels,
     pooled_curves,
     summarise_agents,
 )
-from layoutexplore.benchmark.rows import Row, knows_the_plan
+from layoutexplore.benchmark.manifest import agents_that_know
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
 from layoutexplore.errors import checks_arguments
@@ -38,15 +43,11 @@ from layoutexplore.report.layout_section import layout_section, prior_section
 from layoutexplore.report.plots import (
     CurveLine,
     ForestPlot,
-    ScaleBar,
-    TrackPicture,
     agent_looks,
     curve_lines,
-    floor_picture,
     forest,
     heat,
-    scale_bar,
-    track_picture,
+    pictures_of_tracks,
 )
 from layoutexplore.report.profiles import profile_plot
 from layoutexplore.report.replay import replay_view, runs_to_replay
@@ -54,8 +55,13 @@ from layoutexplore.report.templates import interval, number, percent, render
 
 NBSP = "\N{NO-BREAK SPACE}"
 
-PICTURED_PLANS = 4
-"""Floor plans on which tracks are drawn: the smallest, the largest, and evenly between."""
+_INTERVALS = ("ratio", "plan_ratio", "improvement")
+_SUMMARY = [
+    *("sensor", "agent", "metric", "cells", "plans", "buildings"),
+    *(f"{name}{end}" for name in _INTERVALS for end in ("", "_low", "_high")),
+    "reached",
+]
+"""Columns of summary.csv."""
 
 PACKAGES = ("numpy", "scipy", "numba", "opencv-python-headless", "shapely")
 
@@ -72,43 +78,41 @@ class Group:
 
 @dataclass(frozen=True)
 class AgentLine:
-    """One row of the tables: an agent's comparisons by level, figures, how often it reached each level."""
+    """One row of the tables: an agent's comparisons by level, figures, how often it reached each level.
+
+    Attributes:
+        agent: The strategy.
+        privileged: Whether it knows the plan.
+        ratios: By level, those that were measured and compared.
+        main: The one of them that agents are ranked by.
+        summary: Plain figures.
+        reached: By level, the share of its runs that reached it, NaN for levels that were not measured.
+        metres: By level, their mean, NaN likewise.
+    """
 
     agent: str
     privileged: bool
     ratios: dict[str, Comparison]
+    main: Comparison | None
     summary: AgentSummary
     reached: dict[str, float]
     metres: dict[str, float]
 
+    @property
+    def reached_text(self) -> str:
+        """Percents of all levels, a dash for one that was not measured."""
+        return " / ".join(number(100 * self.reached[m], 0) for m in METRICS)
+
 
 @dataclass(frozen=True)
 class PlanLine:
-    """One row of the table by floor plan: metres of each agent to 95 %, and their ratio to the baseline's."""
+    """One row of the table by floor plan: metres of each agent, and their ratio to the baseline's."""
 
     plan: str
     sensor: str
     area: float
     metres: dict[str, float]
     ratios: dict[str, float]
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A track on a floor plan."""
-
-    caption: str
-    row: Row
-    floor: str
-    width: int
-    height: int
-    track: TrackPicture
-    scale: ScaleBar
-
-    @property
-    def wide(self) -> bool:
-        """Whether the plan needs a wide frame to be seen."""
-        return self.width > 2.2 * self.height
 
 
 @checks_arguments
@@ -151,29 +155,32 @@ def report_view(
     """Everything that the templates show."""
     curves = functools.cache(folder.curve)
     summaries = summarise_agents(rows, baseline, curves)
-    parts = groups(rows)
-    shown, looks = [], agent_looks([], baseline)
-    for name, part in parts.items():
+    levels, level = measured_levels(rows), headline_level(rows)
+    shown, looks, knowing = [], agent_looks([], baseline), agents_that_know(manifest)
+    for name, part in groups(rows).items():
         mine = [c for c in comparisons if c.sensor == name]
-        table = _table(part, mine, [s for s in summaries if s.sensor == name])
+        table = _table(part, mine, [s for s in summaries if s.sensor == name], levels, level, knowing)
         order = [line.agent for line in table]
         looks = looks or agent_looks(order, baseline)
         lines = curve_lines(pooled_curves(part, baseline, curves), order, looks)
-        shown.append(Group(name, forest(mine), table, lines))
+        shown.append(Group(name, forest(mine, level), table, lines))
     best = _best(shown, baseline)
-    layouts = layout_section(folder, rows, comparisons, baseline, curves, looks)
+    layouts = layout_section(folder, rows, comparisons, baseline, curves, looks, knowing)
     replayed = runs_to_replay(rows, (picture.row for picture in layouts["decisive"]))
+    measured = _what_was_measured(rows, baseline)
     return {
         "groups": shown,
         "comparisons": comparisons,
         "baseline": baseline,
         "has_baseline": bool(comparisons),
         "best": best,
-        "verdict": _verdict(best, baseline) if best else "",
-        "plans": _plan_lines(rows, baseline),
-        "buildings": max((c.buildings for c in comparisons), default=0),
+        "verdict": _verdict(best, baseline, same_cells=measured["same_cells"]) if best else "",
+        **measured,
+        "plans": _plan_lines(rows, baseline, level) if level else [],
+        "buildings": _span(c.buildings for c in comparisons),
+        "curve_cells": _span(line.cells for group in shown[:1] for line in group.lines),
         "order": [line.agent for line in shown[0].table] if shown else [],
-        "pictures": _pictures(folder, rows, shown, baseline),
+        "pictures": pictures_of_tracks(folder, rows, baseline, knowing, level),
         "failed": [row for row in rows if row.error],
         "rows": rows,
         "counts": _counts(rows),
@@ -182,7 +189,7 @@ def report_view(
         "manifest": manifest,
         "versions": _versions(),
         "caveats": caveats(
-            rows, manifest["settings"], candidates=len(_candidates(shown, baseline)) if best else 1
+            rows, manifest["settings"], len(_candidates(shown, baseline)), baseline, _planned(manifest)
         ),
         "heat": heat,
         "metrics": METRICS,
@@ -190,7 +197,7 @@ def report_view(
         **layouts,
         "beliefs": prior_section(folder, rows, baseline, looks),
         "replay": replay_view(folder, replayed),
-        "profile": profile_plot(rows, looks),
+        "profile": profile_plot(rows, looks, knowing) if level == HEADLINE else None,
         "looks": looks,
         "ramp": [palette.to_hex(palette.RAMP[end]) for end in (0, -1)],
     }
@@ -203,27 +210,29 @@ def headline(rows: Sequence[Row], baseline: str, comparisons: Sequence[Compariso
         return [("agent",)]
     name, part = next(iter(parts.items()))
     comparisons = [c for c in comparisons if c.sensor == name]
-    levels = [(m, f"{m[1:]} %") for m in METRICS]
+    names, level = [(m, f"{m[1:]} %") for m in METRICS], headline_level(rows)
     if not comparisons:
         # compared with nobody, also where the baseline ran: nothing was seen to 90 %
-        table = _table(part, [], summarise_agents(part, "", lambda _: np.empty((0, 2))))
-        header = ("agent", *(f"metres to {level}" for _, level in levels))
-        return [header, *((line.agent, *(number(line.metres[m], 1) for m, _ in levels)) for line in table)]
-    by_agent: dict[str, dict[str, Comparison]] = {}
+        summaries = summarise_agents(part, "", lambda _: np.empty((0, 2)))
+        table = _table(part, [], summaries, measured_levels(rows), level)
+        header = ("agent", *(f"metres to {text}" for _, text in names))
+        return [header, *((line.agent, *(number(line.metres[m], 1) for m, _ in names)) for line in table)]
+    by_agent: dict[str, dict[str, Comparison]] = {agent: {} for agent in agents_of(part)}
     for c in comparisons:
-        by_agent.setdefault(c.agent, {})[c.metric] = c
-    ranked = sorted(by_agent.items(), key=lambda item: _rank(item[1]))
-    header = (f"metres / {baseline}'s", *(f"to {level}" for _, level in levels), "better", "reached 99 %")
+        by_agent[c.agent][c.metric] = c
+    ranked = sorted(by_agent.items(), key=lambda item: _rank(item[1].get(level)))
+    header = (f"metres / {baseline}'s", *(f"to {text}" for _, text in names), "better", "reached 99 %")
     body = [
         (
             agent,
-            *(_short(found.get(m), full=m == "d95") for m, _ in levels),
-            percent(found["d95"].improvement.estimate) if "d95" in found else "–",
+            *(_short(found.get(m), full=m == level) for m, _ in names),
+            percent(found[level].improvement.estimate) if level in found else "–",
             percent(found["d99"].reached) if "d99" in found else "–",
+            str(found[level].cells) if level in found else "0",
         )
         for agent, found in ranked
     ]
-    return [header, *body]
+    return [(*header, "cells"), *body]
 
 
 def _short(c: Comparison | None, *, full: bool) -> str:
@@ -231,47 +240,57 @@ def _short(c: Comparison | None, *, full: bool) -> str:
 
 
 def _table(
-    part: Sequence[Row], comparisons: Sequence[Comparison], summaries: Sequence[AgentSummary]
+    part: Sequence[Row],
+    comparisons: Sequence[Comparison],
+    summaries: Sequence[AgentSummary],
+    levels: Sequence[str],
+    level: str,
+    knowing: Collection[str] = (),
 ) -> list[AgentLine]:
-    """One line an agent, the best first."""
-    by_agent = {s.agent: s for s in summaries}
+    """One line an agent, the best at a level first; figures of levels that were not measured are NaN."""
+    summary_of = {s.agent: s for s in summaries}
     lines = []
     for agent in agents_of(part):
         mine = [row for row in part if row.agent == agent]
         found = {c.metric: c for c in comparisons if c.agent == agent}
-        reached = {
-            m: sum(getattr(row, m.replace("d", "reached")) for row in mine) / len(mine) for m in METRICS
-        }
-        metres = {m: sum(getattr(row, m) for row in mine) / len(mine) for m in METRICS}
-        lines.append(AgentLine(agent, knows_the_plan(agent), found, by_agent[agent], reached, metres))
-    return sorted(lines, key=lambda line: (_rank(line.ratios), line.metres["d95"], line.agent))
+        metres, reached = (
+            {m: _mean(mine, m.replace("d", prefix)) if m in levels else math.nan for m in METRICS}
+            for prefix in ("d", "reached")
+        )
+        knows, main = agent in knowing, found.get(level)
+        lines.append(AgentLine(agent, knows, found, main, summary_of[agent], reached, metres))
+    return sorted(lines, key=lambda line: (_rank(line.main), line.metres[level] if level else 0, line.agent))
 
 
-def _rank(ratios: dict[str, Comparison]) -> float:
-    return ratios["d95"].ratio.estimate if "d95" in ratios else math.inf
+def _mean(rows: Sequence[Row], name: str) -> float:
+    return float(sum(getattr(row, name) for row in rows) / len(rows))
+
+
+def _rank(main: Comparison | None) -> float:
+    return math.inf if main is None else main.ratio.estimate
 
 
 def _best(shown: Sequence[Group], baseline: str) -> Comparison | None:
-    """The best comparison at d95 of an agent that does not know the plan."""
+    """The best comparison of an agent that does not know the plan, at the level that ranks."""
     return min(_candidates(shown, baseline), key=lambda c: c.ratio.estimate, default=None)
 
 
 def _candidates(shown: Sequence[Group], baseline: str) -> list[Comparison]:
-    """The comparisons at d95 of all agents but the baseline that do not know the plan."""
-    lines = (
-        [line for line in shown[0].table if not line.privileged and line.agent != baseline] if shown else []
-    )
-    return [line.ratios["d95"] for line in lines if "d95" in line.ratios]
+    """The comparisons that rank all agents but the baseline that do not know the plan."""
+    lines = shown[0].table if shown else []
+    return [line.main for line in lines if line.main and not line.privileged and line.agent != baseline]
 
 
-def _verdict(best: Comparison, baseline: str) -> str:
+def _verdict(best: Comparison, baseline: str, *, same_cells: bool) -> str:
     """One honest sentence about the best agent; its subject is the agent."""
     ratio = best.ratio
     known = math.isfinite(ratio.low)
     interval_text = f" (95{NBSP}% interval {number(ratio.low)}–{number(ratio.high)})" if known else ""
-    needs = f"{number(ratio.estimate)} of the metres of {baseline} to see 95{NBSP}% of a floor{interval_text}"
+    share = f"{best.metric[1:]}{NBSP}% of a floor"
+    needs = f"{number(ratio.estimate)} of the metres of {baseline} to see {share}{interval_text}"
     better = (
         f"It needs fewer than {baseline} in {percent(best.improvement.estimate)} of {best.cells} paired runs."
+        + ("" if same_cells else " Not all agents ran the same cells: see below.")
     )
     if known and ratio.high < 1:
         return f"needs {needs}. {better}"
@@ -280,66 +299,53 @@ def _verdict(best: Comparison, baseline: str) -> str:
     doubt = (
         "the interval does not leave out 1, so this may be chance"
         if known
-        else "on one floor plan, which proves nothing"
+        else "in one building, which proves nothing"
     )
     place = "comes out best" if ratio.estimate < 1 else f"comes nearest to {baseline}"
     return f"{place} with {needs}, but {doubt}. {better}"
 
 
-def _plan_lines(rows: Sequence[Row], baseline: str) -> list[PlanLine]:
+def _what_was_measured(rows: Sequence[Row], baseline: str) -> dict[str, Any]:
+    """What the templates say of levels and cells: `level` ranks, `scale` is the highest level measured."""
+    levels, level = measured_levels(rows), headline_level(rows)
+    return {
+        "level": level,
+        "scale": f"to {levels[-1][1:]}{NBSP}%" if levels else "in all",
+        "alone": _why_alone(rows, baseline, level),
+        "same_cells": len({frozenset(cells) for cells in cells_of_agents(rows).values() if cells}) < 2,
+    }
+
+
+def _why_alone(rows: Sequence[Row], baseline: str, level: str) -> str:
+    """Why agents are compared with nobody, where they are."""
+    mine = [row for row in rows if row.agent == baseline]
+    if not mine:
+        return f"The agent {baseline} did not run"
+    if all(row.error for row in mine):
+        return f"All runs of {baseline} failed"
+    return f"{baseline} ran other cells" if level else f"Runs were ended below {METRICS[0][1:]}{NBSP}%"
+
+
+def _span(numbers: Iterable[int]) -> str:
+    """The least and the largest of some numbers, as text; empty without any."""
+    found = sorted(set(numbers))
+    return f"{found[0]} to {found[-1]}" if len(found) > 1 else "".join(map(str, found))
+
+
+def _planned(manifest: dict[str, Any]) -> int:
+    """Number of runs that the floor plans, starts, sensors and agents of a folder make."""
+    lists = (manifest[name] for name in ("plans", "sensors", "agents"))
+    return int(manifest["starts"]) * math.prod(map(len, lists))
+
+
+def _plan_lines(rows: Sequence[Row], baseline: str, level: str) -> list[PlanLine]:
     areas = {(row.plan, row.sensor): row.target_area for row in rows if not row.error}
     lines = []
-    for (plan, sensor), metres in by_plan(rows, "d95").items():
+    for (plan, sensor), metres in by_plan(rows, level).items():
         base = metres.get(baseline)
         ratios = {agent: value / base if base else math.nan for agent, value in metres.items()}
         lines.append(PlanLine(plan, sensor, areas[plan, sensor], metres, ratios))
     return lines
-
-
-def _pictures(
-    folder: ResultsFolder, rows: Sequence[Row], shown: Sequence[Group], baseline: str
-) -> list[tuple[str, list[Picture]]]:
-    """The tracks of the best agent, the baseline, the worst and one that knows the plan, on a few plans."""
-    good = [row for row in rows if not row.error]
-    if not good:
-        return []
-    sensor = good[0].sensor
-    areas = {row.plan: row.target_area for row in good if row.sensor == sensor}
-    plans = sorted(areas, key=lambda plan: (areas[plan], plan))
-    count = min(PICTURED_PLANS, len(plans))
-    chosen = [plans[round(k * (len(plans) - 1) / max(count - 1, 1))] for k in range(count)]
-    knowing = {line.agent for group in shown for line in group.table if line.privileged}
-    found = []
-    for plan in chosen:
-        start = min(row.start for row in good if row.plan == plan and row.sensor == sensor)
-        here = [row for row in good if (row.plan, row.start, row.sensor) == (plan, start, sensor)]
-        here.sort(key=lambda row: (math.isnan(row.d95), row.d95, row.agent))
-        honest = [row for row in here if row.agent not in knowing]
-        picks = {
-            "best": honest[:1],
-            "baseline": [row for row in here if row.agent == baseline],
-            "worst": honest[-1:],
-            "knows the plan": [row for row in here if row.agent in knowing][:1],
-        }
-        captions: dict[Row, list[str]] = {}
-        for caption, picked in picks.items():
-            for row in picked:
-                captions.setdefault(row, []).append(caption)
-        found.append(
-            (
-                f"{plan}, start {start}, {sensor}",
-                [_picture(folder, ", ".join(c), row) for row, c in captions.items()],
-            )
-        )
-    return found
-
-
-def _picture(folder: ResultsFolder, caption: str, row: Row) -> Picture:
-    occupied, frame = folder.raster(row.plan)
-    _, track = folder.episode(row)
-    rows, cols = occupied.shape
-    way, scale = track_picture(track, frame, rows), scale_bar(cols, float(frame[0]))
-    return Picture(caption, row, floor_picture(occupied), cols, rows, way, scale)
 
 
 def _counts(rows: Sequence[Row]) -> dict[str, int]:
@@ -375,20 +381,13 @@ def _write_tables(path: Path, rows: Sequence[Row], comparisons: Sequence[Compari
         pd.DataFrame(columns).to_parquet(temporary, index=False)
     flat = [_flat(c) for c in comparisons]
     with atomic(path / "summary.csv") as temporary:
-        pd.DataFrame(flat).to_csv(temporary, index=False, float_format="%.6g")
+        pd.DataFrame(flat, columns=_SUMMARY).to_csv(temporary, index=False, float_format="%.6g")
     return [path / "summary.csv", path / "results.parquet"]
 
 
 def _flat(c: Comparison) -> dict[str, Any]:
-    row: dict[str, Any] = {
-        "sensor": c.sensor,
-        "agent": c.agent,
-        "metric": c.metric,
-        "cells": c.cells,
-        "plans": c.plans,
-        "buildings": c.buildings,
+    ends = {"": "estimate", "_low": "low", "_high": "high"}
+    intervals = {
+        f"{name}{end}": getattr(getattr(c, name), which) for name in _INTERVALS for end, which in ends.items()
     }
-    for name in ("ratio", "plan_ratio", "improvement"):
-        value = getattr(c, name)
-        row |= {name: value.estimate, f"{name}_low": value.low, f"{name}_high": value.high}
-    return row | {"reached": c.reached}
+    return {name: intervals[name] if name in intervals else getattr(c, name) for name in _SUMMARY}

@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +18,7 @@ from layoutexplore.benchmark.analysis import Comparison, Curves
 from layoutexplore.benchmark.counterfactual import Counterfactual, DecisiveDecision
 from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops, has_stop_rule, tried_stops
 from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
-from layoutexplore.benchmark.rows import Row, knows_the_plan
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing.beliefs import SUFFIX, BelievedPlan, believed_plan
 from layoutexplore.drawing.labels import LABEL_GAP, label_places
@@ -82,6 +82,7 @@ def layout_section(
     baseline: str,
     curves: Curves,
     looks: Mapping[str, Look],
+    knowing: Collection[str],
 ) -> dict[str, Any]:
     """What the templates show about layouts: `effects` by group, `decisive` and `stops`.
 
@@ -91,7 +92,7 @@ def layout_section(
     by_group: dict[str, list[EffectLine]] = {}
     for effect in effects:
         mine = {c.metric: c for c in comparisons if (c.sensor, c.agent) == (effect.sensor, effect.agent)}
-        line = EffectLine(effect, knows_the_plan(effect.agent), mine.get("d95"), mine.get("d99"))
+        line = EffectLine(effect, effect.agent in knowing, mine.get("d95"), mine.get("d99"))
         by_group.setdefault(effect.sensor, []).append(line)
     for lines in by_group.values():
         lines.sort(key=lambda line: (line.effect.agent.partition(":")[0], line.privileged, line.effect.agent))

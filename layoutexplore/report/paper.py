@@ -75,12 +75,12 @@ def write_paper(folder: ResultsFolder, out: Path, *, baseline: str | None = None
     for name, part in groups(rows).items():
         mine = [c for c in comparisons if c.sensor == name]
         curves = pooled_curves(part, baseline, folder.curve)
+        unit = f"{baseline} {view['scale']}".replace("\N{NO-BREAK SPACE}", " ")
         if mine:
-            written += _save(_draw_ratios(mine, baseline), out / f"ratios-{safe_name(name)}")
+            written += _save(_draw_ratios(mine, baseline, view["level"]), out / f"ratios-{safe_name(name)}")
         if curves:
-            written += _save(
-                _draw_curves(curves, view["looks"], baseline), out / f"coverage-{safe_name(name)}"
-            )
+            chart = _draw_curves(curves, view["looks"], unit)
+            written += _save(chart, out / f"coverage-{safe_name(name)}")
     if view["profile"]:
         written += _save(_draw_profiles(view["profile"]), out / "profiles")
     for name, (plot, _) in view["stops"].items():
@@ -100,7 +100,7 @@ def tables_of(view: Mapping[str, Any]) -> list[Table]:
     for group in view["groups"]:
         lines = [
             (
-                line.agent,
+                _named(line.agent, line),
                 *(interval(line.ratios[m].ratio) if m in line.ratios else "–" for m in METRICS),
                 percent(line.reached["d99"]),
                 str(line.summary.runs),
@@ -122,8 +122,13 @@ def tables_of(view: Mapping[str, Any]) -> list[Table]:
     header = ("agent", "choices changed", "true rooms would", "ms a prediction")
     for name, lines in view["effects"].items():
         body = [
-            (e.agent, percent(e.changed.estimate), percent(e.misled.estimate), number(e.prediction_ms, 1))
-            for e in (line.effect for line in lines)
+            (
+                _named(line.effect.agent, line),
+                percent(line.effect.changed.estimate),
+                percent(line.effect.misled.estimate),
+                number(line.effect.prediction_ms, 1),
+            )
+            for line in lines
         ]
         found.append(Table(f"layout-{safe_name(name)}", header, body))
     header = ("agent", "metres saved", "points lost", "lost more than 2")
@@ -134,6 +139,11 @@ def tables_of(view: Mapping[str, Any]) -> list[Table]:
         ]
         found.append(Table(f"stops-{safe_name(name)}", header, body))
     return [table for table in found if table.rows]
+
+
+def _named(agent: str, line: Any) -> str:
+    """An agent as the tables of ratios name it."""
+    return f"{agent} (knows the plan)" if line.privileged else agent
 
 
 def _behaviour(line: Any) -> tuple[str, ...]:
@@ -187,8 +197,8 @@ def _label_ends(axes: Any, ends: Sequence[tuple[str, Look, float]]) -> None:
         axes.text(1.02, 1 - at / 100, name, color=look[0], transform=axes.transAxes, va="center", fontsize=7)
 
 
-def _draw_curves(curves: Sequence[Any], looks: Mapping[str, Look], baseline: str) -> Any:
-    figure, axes = _axes(f"metres travelled / metres of {baseline} to 99 %", "coverage, %")
+def _draw_curves(curves: Sequence[Any], looks: Mapping[str, Look], unit: str) -> Any:
+    figure, axes = _axes(f"metres travelled / metres of {unit}", "coverage, %")
     axes.set(xlim=(0, curves[0].x[-1]), ylim=(0, 100))
     for curve in curves:
         colour, dash = looks[curve.agent]
@@ -197,10 +207,10 @@ def _draw_curves(curves: Sequence[Any], looks: Mapping[str, Look], baseline: str
     return figure
 
 
-def _draw_ratios(comparisons: Sequence[Comparison], baseline: str) -> Any:
-    shown = sorted((c for c in comparisons if c.metric == "d95"), key=lambda c: -c.ratio.estimate)
+def _draw_ratios(comparisons: Sequence[Comparison], baseline: str, level: str) -> Any:
+    shown = sorted((c for c in comparisons if c.metric == level), key=lambda c: -c.ratio.estimate)
     size = (_SIZE[0], 0.7 + 0.2 * len(shown))
-    figure, axes = _axes(f"metres to 95 % / metres of {baseline}", "", size)
+    figure, axes = _axes(f"metres to {level[1:]} % / metres of {baseline}", "", size)
     for place, c in enumerate(shown):
         ends = [v if math.isfinite(v) else c.ratio.estimate for v in (c.ratio.low, c.ratio.high)]
         colour = palette.BETTER if c.ratio.high < 1 else palette.WORSE if c.ratio.low > 1 else palette.GREY

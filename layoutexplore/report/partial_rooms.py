@@ -154,7 +154,10 @@ def write_partial_rooms_report(
     tables = {
         "rooms.csv": [dataclasses.asdict(row) for row in scores.rooms],
         "frontiers.csv": [
-            dataclasses.asdict(row) | {"leftover": row.leftover, "true_leftover": row.true_leftover}
+            dataclasses.asdict(row)
+            # every digit: rounded, an area just below 1 m2 would no longer be one that is left over
+            | {"area": str(row.area), "true_area": str(row.true_area)}
+            | {"leftover": row.leftover, "true_leftover": row.true_leftover}
             for row in scores.frontiers
         ],
         "summary.csv": _flat(summary),

@@ -7,13 +7,15 @@ placed by the page's style in percent. So text has the same size on a telephone 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from layoutexplore.benchmark.analysis import Comparison, PooledCurve
+from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.labels import label_places
 from layoutexplore.grids.arrays import Floats, Mask
@@ -30,6 +32,9 @@ _TICKS = (1.0, 0.8, 0.9, 1.2, 0.6, 1.5, 0.5, 0.7, 2.0, 0.4, 1.1, 1.3)
 
 _TICK_GAP = 10.0
 """Least percent of the width between labels."""
+
+PICTURED_PLANS = 4
+"""Floor plans on which tracks are drawn: the smallest, the largest, and evenly between."""
 
 _DASHES = ("", "7 3", "2 3", "9 3 2 3")
 
@@ -213,6 +218,80 @@ def floor_picture(occupied: Mask) -> str:
     grey[free] = 255
     grey[occupied & near] = 88
     return png_uri(np.ascontiguousarray(grey[::-1]))
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A track on a floor plan; `seen` says after how many metres the floor was seen."""
+
+    caption: str
+    seen: str
+    row: Row
+    floor: str
+    width: int
+    height: int
+    track: TrackPicture
+    scale: ScaleBar
+
+    @property
+    def wide(self) -> bool:
+        """Whether the plan needs a wide frame to be seen."""
+        return self.width > 2.2 * self.height
+
+
+def pictures_of_tracks(
+    folder: ResultsFolder, rows: Sequence[Row], baseline: str, knowing: Collection[str], level: str
+) -> list[tuple[str, list[Picture]]]:
+    """The tracks of the best agent, the baseline, the worst and one that knows the plan, on a few plans.
+
+    Args:
+        folder: The results.
+        rows: All runs.
+        baseline: The agent to compare with.
+        knowing: The agents that know the plan.
+        level: The distance that ranks, such as d95; the whole distance does where it is empty.
+    """
+    good = [row for row in rows if not row.error]
+    if not good:
+        return []
+    sensor = good[0].sensor
+    areas = {row.plan: row.target_area for row in good if row.sensor == sensor}
+    plans = sorted(areas, key=lambda plan: (areas[plan], plan))
+    count = min(PICTURED_PLANS, len(plans))
+    chosen = [plans[round(k * (len(plans) - 1) / max(count - 1, 1))] for k in range(count)]
+    found = []
+    for plan in chosen:
+        start = min(row.start for row in good if row.plan == plan and row.sensor == sensor)
+        here = [row for row in good if (row.plan, row.start, row.sensor) == (plan, start, sensor)]
+        metres = {row: getattr(row, level or "distance") for row in here}
+        here.sort(key=lambda row: (math.isnan(metres[row]), metres[row], row.agent))
+        honest = [row for row in here if row.agent not in knowing]
+        picks = {
+            "best": honest[:1],
+            "baseline": [row for row in here if row.agent == baseline],
+            "worst": honest[-1:],
+            "knows the plan": [row for row in here if row.agent in knowing][:1],
+        }
+        captions: dict[Row, list[str]] = {}
+        for caption, picked in picks.items():
+            for row in picked:
+                captions.setdefault(row, []).append(caption)
+        cards = [_picture(folder, ", ".join(c), row, level) for row, c in captions.items()]
+        found.append((f"{plan}, start {start}, {sensor}", cards))
+    return found
+
+
+def _picture(folder: ResultsFolder, caption: str, row: Row, level: str) -> Picture:
+    occupied, frame = folder.raster(row.plan)
+    _, track = folder.episode(row)
+    rows, cols = occupied.shape
+    way, scale = track_picture(track, frame, rows), scale_bar(cols, float(frame[0]))
+    seen = ""
+    if level:
+        reached = getattr(row, level.replace("d", "reached"))
+        share = f"{level[1:]}\N{NO-BREAK SPACE}%"
+        seen = f"{getattr(row, level):.0f} m to {share}" if reached else f"{share} not reached"
+    return Picture(caption, seen, row, floor_picture(occupied), cols, rows, way, scale)
 
 
 MOST_POINTS = 20_000

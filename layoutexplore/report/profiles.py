@@ -7,13 +7,13 @@ References:
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from layoutexplore.benchmark.analysis import SHORTEST, agents_of
-from layoutexplore.benchmark.rows import Row, knows_the_plan
+from layoutexplore.benchmark.rows import Row
 from layoutexplore.drawing.labels import label_places
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.report.plots import Look, Tick
@@ -70,17 +70,20 @@ def factors_of_best(rows: Sequence[Row], agents: Sequence[str]) -> Floats:
     return np.asarray(table.reshape(len(agents), len(shared)) / best)
 
 
-def profile_plot(rows: Sequence[Row], looks: Mapping[str, Look]) -> ProfilePlot | None:
+def profile_plot(
+    rows: Sequence[Row], looks: Mapping[str, Look], knowing: Collection[str]
+) -> ProfilePlot | None:
     """The profiles of the agents that do not know the plan, the most often near the best first.
 
     Args:
         rows: All runs.
         looks: Of the agents.
+        knowing: Agents that are shown the floor plan.
 
     Returns:
         None where there are fewer than two agents, or no cell that all ran.
     """
-    agents = [a for a in agents_of(row for row in rows if not row.error) if not knows_the_plan(a)]
+    agents = [a for a in agents_of(row for row in rows if not row.error) if a not in knowing]
     factors = factors_of_best(rows, agents)
     if len(agents) < 2 or not factors.shape[1]:
         return None

@@ -55,16 +55,19 @@ def write_replay(folder: ResultsFolder, rows: Sequence[Row], path: Path) -> int:
 
     Args:
         folder: What `layoutexplore benchmark` left.
-        rows: The runs.
+        rows: The runs; those that failed are left out.
         path: Of the page.
 
     Returns:
         Number of replays in it.
 
     Raises:
-        ResultsError: There is no recording of any of the runs, or a file is damaged.
+        ResultsError: There is no recording of any of the runs, all of them failed, or a file is damaged.
     """
-    view = replay_view(folder, rows, most_bytes=MOST_BYTES_OF_PAGE)
+    good = [row for row in rows if not row.error]
+    if not good:
+        raise ResultsError(_why_none(folder, rows))
+    view = replay_view(folder, good, most_bytes=MOST_BYTES_OF_PAGE)
     if view is None:
         raise ResultsError(
             f"{folder.path} holds no recording of these runs: they were made by an earlier version; "
@@ -75,6 +78,18 @@ def write_replay(folder: ResultsFolder, rows: Sequence[Row], path: Path) -> int:
     page = render("replay_page.html", replay=view, title=title, command=command)
     write_atomically(path, page)
     return len(view.numbers)
+
+
+def _why_none(folder: ResultsFolder, rows: Sequence[Row]) -> str:
+    """Why there is nothing to replay."""
+    if not rows:
+        return f"{folder.path} holds no recording of such runs: none was made"
+    which = "the run" if len(rows) == 1 else f"all {len(rows)} runs"
+    first = "" if len(rows) == 1 else ", the first"
+    return (
+        f"{which} to be replayed from {folder.path} failed{first} with {rows[0].error}: what went wrong is "
+        f"in {folder.path / 'runs'} (*.error.txt); the same benchmark command tries failed runs again"
+    )
 
 
 def runs_to_replay(rows: Sequence[Row], first: Iterable[Row] = ()) -> list[Row]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from layoutexplore.benchmark.analysis import FailedRuns
 from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.robustness import AgentUnderNoise, PredictorUnderNoise
 from layoutexplore.files import write_atomically, write_csv
@@ -24,6 +25,7 @@ def write_robustness_report(
     predictors: Sequence[PredictorUnderNoise],
     *,
     facts: dict[str, Any],
+    failed: Mapping[str, Sequence[FailedRuns]] | None = None,
 ) -> list[Path]:
     """Write robustness.html, agents.csv and predictors.csv into a folder.
 
@@ -32,6 +34,7 @@ def write_robustness_report(
         agents: One a strategy and level.
         predictors: One a predictor and level.
         facts: "command", "plans", "sensors", "starts", "levels".
+        failed: By level, the agents of which runs failed.
 
     Returns:
         The files written, the page first.
@@ -46,6 +49,7 @@ def write_robustness_report(
     view = {
         "agents": agents,
         "predictors": predictors,
+        "failed": {level: lines for level, lines in (failed or {}).items() if lines},
         "noise": NOISE,
         "metres_chart": line_chart(_lines(metres, levels), levels, low=0.75, high=1.5),
         "mcc_chart": line_chart(_lines(mcc, levels), levels),

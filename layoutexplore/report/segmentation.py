@@ -33,7 +33,7 @@ def comparison_picture(case: Case, labels: Ints32, resolution: float) -> Bytes:
     Args:
         case: The map.
         labels: int32 (rows, cols), the segments.
-        resolution: Metres a pixel.
+        resolution: Metres a pixel where the map's folder does not say it.
     """
     grid, truth, free = read_case(case, resolution)
     found = np.where(free, labels, 0)
@@ -43,7 +43,7 @@ def comparison_picture(case: Case, labels: Ints32, resolution: float) -> Bytes:
     ground = np.where(free[..., None], UNCLAIMED, np.where(grid.occupied[..., None], WALL, UNSEEN)).astype(
         np.uint8
     )[part]
-    sides, fills = [], fills_of_rooms(np.where(free, truth, 0), resolution)
+    sides, fills = [], fills_of_rooms(np.where(free, truth, 0), grid.resolution)
     for values, names in ((found, _matched(found, truth)), (np.where(free, truth, 0), np.arange(len(fills)))):
         colours = np.array(
             [fills[n] if n < len(fills) else palette.room_colour(int(n)) for n in names], np.uint8
@@ -90,7 +90,7 @@ def write_segmentation_report(
         results: What `evaluate_cases` or `cross_validate` yielded.
         title: Heading of the page.
         protocol: Named on the page.
-        resolution: Metres a pixel.
+        resolution: Metres a pixel where a map's folder does not say it.
         command: Noted on the page.
     """
     rows = [row for _, row, _ in results]
@@ -109,7 +109,7 @@ def write_segmentation_report(
         "segmentation.html",
         title=title,
         protocol=protocol,
-        resolution=resolution,
+        resolution=_span([row.m_per_px for row in rows]),
         measures=MEASURES,
         headings=HEADINGS,
         summary=summarise_segmentation(rows),
@@ -121,6 +121,11 @@ def write_segmentation_report(
     )
     write_atomically(out / "report.html", page)
     return [out / "report.html", out / "results.csv"]
+
+
+def _span(scales: Sequence[float]) -> str:
+    """The least and the greatest metres a pixel, as one number where they are one."""
+    return "\N{EN DASH}".join(dict.fromkeys(f"{value:.3g}" for value in (min(scales), max(scales))))
 
 
 def _smaller(picture: Bytes, width: int = 1000) -> Bytes:

@@ -95,13 +95,14 @@ def points(value: float) -> str:
 
 
 def interval(value: Interval | None, digits: int = 2, *, sign: bool = False) -> str:
-    """An estimate with its interval.
+    """An estimate with its interval, or a dash where there is none.
 
     Example:
-        >>> interval(Interval(0.861, 0.82, 0.9)), interval(Interval(0.9, float("nan"), float("nan")))
-        ('0.86 (0.82–0.90)', '0.90')
+        >>> nan = float("nan")
+        >>> [interval(Interval(*ends)) for ends in ((0.861, 0.82, 0.9), (0.9, nan, nan), (nan, nan, nan))]
+        ['0.86 (0.82–0.90)', '0.90', '–']
     """
-    if value is None:
+    if value is None or not math.isfinite(value.estimate):
         return "–"
     spec = f"{'+' if sign else ''}.{digits}f"
     if not math.isfinite(value.low):

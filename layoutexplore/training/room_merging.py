@@ -196,16 +196,20 @@ def training_examples(cases: Sequence[Case], resolution: float, progress: Progre
     """What the classifier learns from the maps, and from some of them while being explored.
 
     Of each building and folder, the largest `EXPLORED` maps are explored.
+
+    Args:
+        cases: The maps.
+        resolution: Metres a pixel where a map's folder does not say it.
+        progress: Told of the maps done.
     """
     examples, largest = [], _largest(cases, resolution)
     for k, case in enumerate(cases):
         grid, truth, _ = read_case(case, resolution)
-        examples.append(make_example(grid.cells, truth, resolution, building=case.building, kind=case.folder))
+        scale, building, kind = grid.resolution, case.building, case.folder
+        examples.append(make_example(grid.cells, truth, scale, building=building, kind=kind))
         if case in largest:
             rng = np.random.default_rng([1, k])
-            examples += explored_examples(
-                grid.cells, truth, resolution, building=case.building, kind=case.folder, rng=rng
-            )
+            examples += explored_examples(grid.cells, truth, scale, building=building, kind=kind, rng=rng)
         progress("maps cut into pieces", k + 1, len(cases))
     return examples
 

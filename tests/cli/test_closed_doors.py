@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app
+from layoutexplore.errors import ConfigError
 
 
 def test_command(closed_door_maps: Path, tmp_path: Path) -> None:
@@ -26,3 +28,16 @@ def test_command(closed_door_maps: Path, tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert {p.name for p in out.iterdir()} == {"office_1_doors_pred.png", "office_2_doors_pred.png"}
     assert len(json.loads(report.read_text())["maps"]) == 2
+
+
+@pytest.mark.parametrize("folds", ["1", "8"])
+def test_folds_that_cannot_be_dealt_are_refused_before_anything_is_learnt(
+    closed_door_maps: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folds: str
+) -> None:
+    def learn(*_: object) -> None:
+        raise AssertionError("samples are collected")
+
+    monkeypatch.setattr("layoutexplore.training.closed_doors.collect_all", learn)
+    arguments = ["evaluate", "closed-doors", str(closed_door_maps), "--out", str(tmp_path), "--folds", folds]
+    result = CliRunner().invoke(app, [*arguments, "--no-report"])
+    assert isinstance(result.exception, ConfigError) and "two buildings at least" in str(result.exception)

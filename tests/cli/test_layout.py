@@ -201,8 +201,8 @@ def test_evaluate_segmentation_scores_several_methods(tmp_path: Path) -> None:
 
 
 def test_cross_validation_never_trains_on_the_building_it_scores(tmp_path: Path) -> None:
-    for name in ("tower_scan", "tower2", "barn"):
-        draw(tmp_path, name)
+    for k, name in enumerate(("tower_scan", "tower2", "barn")):
+        draw(tmp_path, name, 82 + 4 * k)
     cases = find_cases([tmp_path])
     assert {c.building for c in cases} == {"tower", "tower2", "barn"}
     buildings = [case.building for case in cases]
@@ -219,10 +219,10 @@ def test_a_source_is_scored_without_its_maps_and_its_buildings(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn = {"survey": ("tower_scan", "barn"), "survey_full": ("tower",), "clutter": ("tower", "mill")}
-    for folder, names in drawn.items():
+    for k, (folder, names) in enumerate(drawn.items()):
         (tmp_path / folder).mkdir()
-        for name in names:
-            draw(tmp_path / folder, name)
+        for n, name in enumerate(names):
+            draw(tmp_path / folder, name, 82 + 8 * k + 4 * n)
     learnt: list[set[tuple[str, str]]] = []
 
     def spy(
@@ -323,9 +323,7 @@ def test_one_command_trains_the_judge_of_pairs_and_that_of_merges(tmp_path: Path
 
 def test_a_truth_without_a_painted_room_is_an_error_and_no_score_of_zero(tmp_path: Path) -> None:
     draw(tmp_path, "map1")
-    ids = np.zeros((140, 200), np.uint16)
-    ids[24:116, 24:176] = 1
-    cv2.imwrite(str(tmp_path / "map1_gt.png"), ids)
+    cv2.imwrite(str(tmp_path / "map1_gt.png"), np.zeros((140, 200), np.uint8))
     result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path)])
     assert isinstance(result.exception, MapError) and "no room is painted" in str(result.exception)
 
@@ -337,4 +335,40 @@ def test_evaluate_layout_on_a_school(data_dir: Path, tmp_path: Path) -> None:
     result = runner.invoke(app, ["evaluate", "layout", str(tmp_path), "--json", str(tmp_path / "n.json")])
     assert result.exit_code == 0, result.output
     row = json.loads((tmp_path / "n.json").read_text())["maps"][0]
-    assert row["a_fc"] > 0.75 and row["a_bc"] > 0.7
+    assert row["a_fc"] > 0.75 and row["a_bc"] > 0.7 and not row["truth_mirrored"]
+
+
+def test_evaluate_layout_mirrors_a_truth_whose_y_points_down(data_dir: Path, tmp_path: Path) -> None:
+    plan = data_dir / "floorplans" / "schools" / "battle_creekhs_2.xml"
+    (tmp_path / "school_gt.xml").write_bytes(plan.read_bytes())
+    free = load_plan(plan).rasterize(0.1).free
+    cv2.imwrite(str(tmp_path / "school.png"), np.where(free, 254, 0).astype(np.uint8)[::-1])
+    result = runner.invoke(app, ["evaluate", "layout", str(tmp_path), "--json", str(tmp_path / "n.json")])
+    assert result.exit_code == 0, result.output
+    row = json.loads((tmp_path / "n.json").read_text())["maps"][0]
+    assert row["a_fc"] > 0.9 and row["a_bc"] > 0.9 and row["truth_mirrored"]
+    assert "rooms, truth mirrored" in result.output
+
+
+def test_maps_at_their_own_scale_and_guessed_buildings_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for k, name in enumerate(("map1", "map2", "barn")):
+        draw(tmp_path, name, 82 + 4 * k)
+    (tmp_path / "index.csv").write_text("file,m_per_px\nmap1.png,0.04\nmap2.png,0.06\n")
+    command = ["evaluate", "segmentation", str(tmp_path)]
+    numbers, out = tmp_path / "numbers.json", tmp_path / "out"
+    options = ["-m", "distance", "--json", str(numbers), "--out", str(out), "--resolution", "0.1"]
+    result = runner.invoke(app, [*command, *options])
+    assert result.exit_code == 0, result.output
+    assert "note: 2 of 3 maps at the scale of their index.csv, 0.04 to 0.06 m a pixel" in result.output
+    scales = {row["map"]: row["m_per_px"] for row in json.loads(numbers.read_text())["maps"]}
+    assert scales == {"barn": 0.1, "map1": 0.04, "map2": 0.06}
+    assert "0.04\N{EN DASH}0.1</b>m a pixel" in (out / "report.html").read_text()
+    monkeypatch.setattr(
+        "layoutexplore.evaluation.cross_validation.train_all_models", lambda *_: MergingModels(first_forest())
+    )
+    result = runner.invoke(app, [*command, "--folds", "2", "--simulated", "0"])
+    assert result.exit_code == 0, result.output
+    where = tmp_path.name
+    assert f"the building of 2 maps is a guess, their folder: {where}/map1, {where}/map2" in result.output

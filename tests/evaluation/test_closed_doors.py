@@ -9,11 +9,13 @@ import cv2
 import numpy as np
 import pytest
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.evaluation.closed_doors import (
     PairScore,
     Score,
+    cross_validate_closed_doors,
     evaluate,
+    held_out_groups,
     score_prediction,
     summarise_closed_doors,
 )
@@ -57,6 +59,19 @@ def test_broken_or_missing_files_are_named(closed_door_maps: Path) -> None:
     (closed_door_maps / "office_GT.png").unlink()
     with pytest.raises(MapError, match=r"office_GT.png is missing"):
         find_triples(closed_door_maps)
+
+
+def test_buildings_are_held_out_in_two_groups_at_least_and_one_each_at_most(closed_door_maps: Path) -> None:
+    one = find_triples(closed_door_maps)
+    others = [dataclasses.replace(triple, building=name) for triple in one for name in ("barn", "mill_2")]
+    assert held_out_groups([*one, *others], 8) == 3 and held_out_groups([*one, *others], 2) == 2
+    for triples, folds in ((one, 8), ([*one, *others], 1)):
+        with pytest.raises(ConfigError, match="two folds and two buildings"):
+            held_out_groups(triples, folds)
+    with pytest.raises(ConfigError, match="two folds and two buildings"):
+        next(cross_validate_closed_doors(one, 8, [], resolution=0.05))
+    with pytest.raises(MapError, match="nothing is left to learn from"):
+        next(cross_validate_closed_doors(others, 2, [], resolution=0.05))
 
 
 def test_definitions_on_a_published_answer(data_dir: Path) -> None:

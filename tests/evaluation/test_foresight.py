@@ -62,3 +62,16 @@ def test_the_command_goes_on_where_it_was(tmp_path: Path) -> None:
     before = (out / "runs" / "results.csv").read_bytes()
     assert CliRunner().invoke(cli.app, [*arguments, "--jobs", "1"]).exit_code == 0
     assert (out / "runs" / "results.csv").read_bytes() == before
+
+
+def test_failed_runs_are_named_and_the_command_says_so(tmp_path: Path) -> None:
+    plan, out, own = tmp_path / "offices.geojson", tmp_path / "out", tmp_path / "own.py"
+    save_plan(offices(), plan)
+    own.write_text(
+        "class Fails:\n    def rooms(self, decision):\n        raise ZeroDivisionError('no rooms')\n"
+    )
+    arguments = ["evaluate", "foresight", str(plan), "-s", "indoor", "-p", f"{own}:Fails", "--out", str(out)]
+    result = CliRunner().invoke(cli.app, [*arguments, "--jobs", "1"])
+    assert result.exit_code == 1 and isinstance(result.exception, SystemExit), result.output
+    said = f"{explorer_with(f'{own}:Fails')}: its only run failed with ZeroDivisionError: no rooms"
+    assert said in result.output and said in (out / "foresight.md").read_text(encoding="utf-8")

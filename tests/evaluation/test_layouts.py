@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import shapely
 
 from layoutexplore.errors import MapError
-from layoutexplore.evaluation.layouts import read_outlines, score_layout, score_polygons, stretch
+from layoutexplore.evaluation.layouts import (
+    facing_outlines,
+    read_outlines,
+    score_layout,
+    score_polygons,
+    stretch,
+)
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.grids.ros_map import load_grid
 from layoutexplore.layout.pipeline import reconstruct
@@ -65,6 +73,25 @@ def test_broken_floor_plans_are_named(tmp_path, text):
 def test_a_layout_without_rooms_scores_nothing():
     layout = empty_layout("ias15", OccupancyGrid(np.zeros((3, 3), np.int8), 0.1), "nothing")
     assert score_layout(layout, [shapely.box(0, 0, 1, 1)]).a_bc == 0
+
+
+def test_the_truth_is_scored_the_way_round_that_fits_the_free_space() -> None:
+    # an L of two rooms, one above the other at the left end of a long one
+    truth = [shapely.box(0, 0, 60, 20), shapely.box(0, 20, 20, 60)]
+    cells = np.full((64, 64), 100, np.int8)
+    cells[3:21, 3:61] = cells[23:61, 3:21] = 0
+    for flipped, grid in ((False, cells), (True, cells[::-1])):
+        rooms, is_mirrored = facing_outlines(truth, OccupancyGrid(np.ascontiguousarray(grid), 0.1))
+        assert is_mirrored == flipped
+        stands = [room.centroid.y for room in rooms]
+        assert (stands[0] > stands[1]) == flipped
+    assert facing_outlines(truth, OccupancyGrid(np.full((9, 9), -1, np.int8), 0.1))[1] is False
+
+
+def test_authors_maps_keep_their_truth(data_dir: Path) -> None:
+    for image in sorted((data_dir / "gridmaps" / "schools").glob("*.png")):
+        truth = read_outlines(image.with_name(f"{image.stem}_gt.xml"))
+        assert not facing_outlines(truth, load_grid(image, resolution=0.1))[1], image.stem
 
 
 @pytest.mark.slow

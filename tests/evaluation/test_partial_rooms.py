@@ -5,6 +5,7 @@ The oracle is perfect, seeing alone is nothing, stored snapshots are the same.
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -93,3 +94,6 @@ def test_command(plan: FloorPlan, tmp_path: Path) -> None:
     result = CliRunner().invoke(cli.app, ["evaluate", "partial-rooms", *arguments])
     assert result.exit_code == 0, result.output
     assert "hidden_iou" in result.output and "leftover_accuracy" in result.output and found.is_file()
+    rooms = json.loads(found.read_text())["rooms"]
+    result = CliRunner().invoke(cli.app, ["evaluate", "partial-rooms", *arguments, "-s", "short"])
+    assert result.exit_code == 0 and json.loads(found.read_text())["rooms"] == rooms

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
+import math
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from layoutexplore import cli
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.analysis import failed_runs
+from layoutexplore.benchmark.rows import NAN, Row
 from layoutexplore.errors import UnknownNameError
 from layoutexplore.evaluation.robustness import LEVELS, agents_under_noise, chosen_levels
 from layoutexplore.maps.geojson import save_plan
@@ -34,6 +37,38 @@ def test_a_strategy_is_compared_with_itself_and_with_nearest() -> None:
     assert high.reached == 0.0 and lines["tour", "none"].reached == 1.0
     assert lines["nearest", "high"].d95.estimate == pytest.approx(2.0)
     assert lines["tour", "none"].d95.estimate == pytest.approx(1.0)
+
+
+def test_a_strategy_that_fails_without_noise_has_no_ratio() -> None:
+    failed = dataclasses.replace(row("tour", 1.0), d90=NAN, d95=NAN, d99=NAN, error="Boom: no drift")
+    rows = {"none": [row("nearest", 100.0), failed], "high": [row("nearest", 200.0), row("tour", 120.0)]}
+    lines = {(line.agent, line.level): line for line in agents_under_noise(rows)}
+    assert set(lines) == {("nearest", "none"), ("nearest", "high"), ("tour", "high")}
+    tour = lines["tour", "high"]
+    assert math.isnan(tour.d95.estimate) and math.isnan(tour.d99.estimate) and tour.reached == 1.0
+    assert tour.to_baseline and tour.to_baseline.estimate == pytest.approx(0.6)
+    assert [str(line) for line in failed_runs(rows["none"])] == [
+        "tour: its only run failed with Boom: no drift"
+    ]
+    assert str(failed_runs([failed] * 2)[0]) == "tour: all 2 runs failed, first with Boom: no drift"
+
+
+def test_failed_runs_are_named_and_the_command_says_so(tmp_path: Path) -> None:
+    plan, out, own = tmp_path / "offices.geojson", tmp_path / "out", tmp_path / "own.py"
+    save_plan(offices(), plan)
+    own.write_text(
+        "class Fails:\n    def reset(self, seed):\n        pass\n"
+        "    def act(self, decision):\n        raise ZeroDivisionError('no drift')\n"
+    )
+    arguments = ["evaluate", "robustness", str(plan), "--out", str(out), "-s", "indoor", "--jobs", "1"]
+    arguments += ["--agents", "nearest", "--agents", f"{own}:Fails", "--level", "low", "--agents-only"]
+    result = CliRunner().invoke(cli.app, arguments)
+    assert result.exit_code == 1 and isinstance(result.exception, SystemExit), result.output
+    for level in ("none", "low"):
+        assert f"failed: level {level}, {own}:Fails: its only run failed" in result.output
+    page = (out / "robustness.html").read_text(encoding="utf-8")
+    assert "Failed runs" in page and page.count("no drift") == 2 and page.count("<td>all 1</td>") == 2
+    assert len((out / "agents.csv").read_text().splitlines()) == 1 + 2  # nearest alone
 
 
 def test_the_command_writes_a_page_and_goes_on(tmp_path: Path) -> None:

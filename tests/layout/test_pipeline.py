@@ -14,7 +14,7 @@ from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.layout.lines.ias15 import Ias15Config
 from layoutexplore.layout.lines.rose2 import Rose2Config
 from layoutexplore.layout.merging.method import MergingConfig
-from layoutexplore.layout.pipeline import LayoutCache, reconstruct
+from layoutexplore.layout.pipeline import LayoutCache, reconstruct, register_layout
 from layoutexplore.layout.types import BORDER, FaceKind
 
 
@@ -238,3 +238,24 @@ def test_numbers_of_every_kind_are_taken_and_flags_are_no_numbers():
             reconstruct(grid, method, options)
     with pytest.raises(ConfigError, match="chink"):
         reconstruct(grid, "default", dataclasses.replace(MergingConfig(), chink=float("nan")))
+
+
+def test_ids_of_a_method_of_one_s_own_may_be_high_but_not_below_zero():
+    grid = building(0.1)
+    rooms = np.where(grid.free, 1 + (np.arange(grid.shape[1]) > grid.shape[1] // 2), 0).astype(np.int64)
+    plain = reconstruct(grid, own_method(rooms))
+    assert len(plain.rooms) == 2
+    for high in (2**31, 2**32, 2**40):
+        assert np.array_equal(reconstruct(grid, own_method(rooms * high)).labels, plain.labels)
+    with pytest.raises(ConfigError, match="0 for none and above, got -2"):
+        reconstruct(grid, own_method(-rooms))
+
+
+def own_method(labels):
+    """The name of a method that gives these labels, whatever the grid."""
+    name = f"own-{next(_NUMBERS)}"
+    register_layout(name, "Labels that are given.", lambda grid: labels)
+    return name
+
+
+_NUMBERS = itertools.count()

@@ -38,6 +38,15 @@ def test_a_level_above_the_goal_was_not_measured() -> None:
     assert scores.reached95 and not scores.reached99
 
 
+@pytest.mark.parametrize(("goal", "measured"), [(0.94, 1), (0.9, 1), (0.95, 2), (0.5, 0), (1.0, 3)])
+def test_a_last_scan_that_sees_beyond_the_goal_measures_nothing(goal: float, measured: int) -> None:
+    """Else the levels above the goal would come from the lucky runs alone."""
+    scores = score_curve([(0, 0.2), (10, 1.0)], budget=300, target_area=100, goal=goal)
+    metres = [scores.d90, scores.d95, scores.d99]
+    reached = [scores.reached90, scores.reached95, scores.reached99]
+    assert [not math.isnan(value) for value in metres] == reached == [k < measured for k in range(3)]
+
+
 curves = st.lists(st.tuples(st.floats(0, 5), st.floats(0, 1)), min_size=1, max_size=30)
 
 

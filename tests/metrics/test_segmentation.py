@@ -77,8 +77,40 @@ def test_bad_input_is_refused() -> None:
         score_segmentation(truth, truth, truth > 0, protocol="rose")
     with pytest.raises(MapError, match="size"):
         score_segmentation(truth[:, 1:], truth, truth > 0)
-    with pytest.raises(MapError, match="8 bit"):
+    with pytest.raises(MapError, match="16 bit"):
         truth_labels(np.zeros((3, 3), np.int32))  # type: ignore[arg-type]
+
+
+def test_ties_do_not_depend_on_the_numbers_of_rooms() -> None:
+    # the segment shares two cells with each room; the smaller room is the better one
+    found, free = row("11110000"), np.ones((1, 8), bool)
+    for truth in (row("11222222"), row("22111111")):
+        assert score_segmentation(found, truth, free).iou_s == pytest.approx(2 / 4)
+        assert score_segmentation(truth, found, free).iou_g == pytest.approx(2 / 4)
+
+
+def test_ids_below_zero_are_named_and_high_ones_are_as_good_as_low_ones() -> None:
+    truth, found = row("11112222"), row("11122222")
+    free = truth > 0
+    plain = score_segmentation(found, truth, free)
+    for high in (2**31, 2**62):
+        assert score_segmentation(np.where(found == 2, high, found), truth, free) == plain
+        assert score_segmentation(found, np.where(truth == 2, high, truth), free) == plain
+    assert score_segmentation(found.astype(np.uint64) * np.uint64(2**62), truth, free) == plain
+    for segments, rooms, said in ((-found, truth, "segments"), (found, -truth, "rooms")):
+        with pytest.raises(MapError, match=f"{said} are 0 for none and above"):
+            score_segmentation(segments, rooms, free)
+    assert score_segmentation(np.where(free, found, -1), truth, free) == plain
+
+
+def test_levels_of_16_bit_are_numbers_of_rooms() -> None:
+    image = np.zeros((20, 30), np.uint16)
+    image[:10], image[10, 0] = 7, 4000
+    labels = truth_labels(image)
+    assert (labels[:10] == 1).all() and labels[10, 0] == 2 and not labels[11:].any()
+    colours = np.dstack([image[..., None] * 0] * 3)
+    colours[:, :15, 0] = 65535
+    assert (truth_labels(colours) == truth_labels((colours // 257).astype(np.uint8))).all()
 
 
 def test_truth_colours_become_rooms_and_rare_ones_none() -> None:

@@ -145,3 +145,18 @@ def test_weights_fit_the_values(statistic) -> None:
     ):
         with pytest.raises(ConfigError):
             statistic(np.asarray(values), np.asarray(weights))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"draws": 0}, "draws must be a whole number of at least 1, got 0"),
+        ({"draws": 2.5}, "draws must be a whole number of at least 1, got 2.5"),
+        ({"confidence": 95}, "confidence must be above 0 and below 1 (0.95), got 95"),
+        ({"confidence": math.nan}, "confidence must be above 0 and below 1 (0.95), got nan"),
+    ],
+)
+def test_draws_and_confidence_are_checked(wrong: dict[str, float], said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        cluster_bootstrap([1.0, 2.0], ["a", "b"], **wrong)
+    assert str(caught.value) == said

@@ -28,7 +28,8 @@ from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.cli import app
 from layoutexplore.errors import ResultsError
-from layoutexplore.evaluation.partial_rooms import Item, RoomScore, score_predictors
+from layoutexplore.evaluation.partial_rooms import FrontierScore, Item, RoomScore, Scores, score_predictors
+from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -38,7 +39,7 @@ from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.report.benchmark import write_benchmark_report
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
 from layoutexplore.report.layout_section import stop_plot
-from layoutexplore.report.partial_rooms import Gallery, draw_room
+from layoutexplore.report.partial_rooms import Gallery, draw_room, write_partial_rooms_report
 from layoutexplore.training.snapshots import explore_plan
 from tests.plans import OFFICES
 
@@ -255,6 +256,30 @@ def test_partial_rooms_page(tmp_path: Path) -> None:
     assert list((out / "pictures").glob("best_*.png"))
 
 
+def test_an_area_just_below_a_square_metre_stays_below_it_in_the_table(tmp_path: Path) -> None:
+    frontier = FrontierScore(
+        plan="a",
+        building="a",
+        sensor="short",
+        seed=0,
+        coverage=0.5,
+        predictor="none",
+        x=1.0,
+        y=2.0,
+        closed=True,
+        true_closed=True,
+        area=math.nextafter(1.0, 0.0),
+        true_area=1.0,
+        confidence=0.9,
+    )
+    scores = Scores([], [frontier], {"none": [1.0]})
+    summary = summarise_partial_rooms(scores)
+    write_partial_rooms_report(tmp_path, scores, summary, Gallery("none"), command="")
+    (row,) = csv.DictReader((tmp_path / "frontiers.csv").open())
+    for area, leftover in (("area", "leftover"), ("true_area", "true_leftover")):
+        assert str(float(row[area]) < 1) == row[leftover]
+
+
 def test_partial_rooms_page_without_any_room(tmp_path: Path) -> None:
     """One large hall: it is seen at once, and nothing is left to judge but frontiers."""
     save_plan(
@@ -266,6 +291,7 @@ def test_partial_rooms_page_without_any_room(tmp_path: Path) -> None:
     )
     assert result.exit_code == 0, result.output
     assert "No room was seen in part" in whole(out / "report.html")
+    assert "no room is judged" in result.output and "nan" not in result.output
 
 
 # --- closed doors

@@ -26,7 +26,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
     plans = tmp_path_factory.mktemp("plans")
     for name, scale in (("a_1 & co", 0.6), ("b", 0.8)):
         save_plan(floorplan_from_ascii(HOUSE, resolution=scale, name=name), plans / f"{scale}.geojson")
-    config = BenchmarkConfig(plans=(str(plans),), starts=1, agents=("nearest", "layout-tour", "random"))
+    config = BenchmarkConfig(
+        plans=(str(plans),), starts=1, agents=("nearest", "layout-tour", "random", "clairvoyant")
+    )
     return run_benchmark(config, tmp_path_factory.mktemp("results") / "out").folder
 
 
@@ -47,6 +49,13 @@ def test_every_chart_and_table_is_written(folder: ResultsFolder, tmp_path: Path)
     assert r"a\_1 \& co" in text and " & ".join(found[2:]) in text
     rows = [line for line in text.splitlines() if line.endswith(r"\\")]
     assert len({line.replace(r"\&", "").count("&") for line in rows}) == 1
+
+
+def test_agents_that_know_the_plan_are_marked(folder: ResultsFolder, tmp_path: Path) -> None:
+    write_paper(folder, tmp_path)
+    (names, *_) = zip(*csv.reader((tmp_path / "ratios-stage.csv").open()), strict=True)
+    assert set(names[1:]) == {"nearest", "layout-tour", "random", "clairvoyant (knows the plan)"}
+    assert r"clairvoyant (knows the plan) & " in (tmp_path / "ratios-stage.tex").read_text()
 
 
 def test_the_same_results_give_the_same_bytes(folder: ResultsFolder, tmp_path: Path) -> None:

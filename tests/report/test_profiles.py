@@ -41,7 +41,7 @@ def test_factors_are_to_the_best_in_cells_that_all_ran() -> None:
 def test_the_plot_shows_wins_and_failures() -> None:
     rows = [*ROWS, *(row(plan, "clairvoyant", 1.0) for plan in "abe")]
     looks = agent_looks(["tour", "nearest", "clairvoyant"], "nearest")
-    plot = profile_plot(rows, looks)
+    plot = profile_plot(rows, looks, {"clairvoyant"})
     assert plot is not None and plot.cells == 3
     assert [line.name for line in plot.lines] == [
         "nearest",
@@ -51,7 +51,7 @@ def test_the_plot_shows_wins_and_failures() -> None:
     assert nearest.path.startswith(f"M0.00,{100 / 3:.2f} H") and nearest.path.endswith("V0.00 H100.00")
     assert tour.path.startswith(f"M0.00,{200 / 3:.2f} H") and tour.end == round(100 / 3, 2)
     assert nearest.colour == looks["nearest"][0] and nearest.label_at < tour.label_at
-    assert profile_plot([r for r in ROWS if r.agent == "tour"], looks) is None
+    assert profile_plot([r for r in ROWS if r.agent == "tour"], looks, ()) is None
 
 
 @given(st.lists(st.floats(1, 10) | st.just(math.inf), min_size=1, max_size=30), st.floats(1, 12))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import dataclasses
 import json
 import re
 import shutil
@@ -96,6 +97,21 @@ def test_the_command_writes_a_page(folder: ResultsFolder, tmp_path: Path) -> Non
 def test_without_recordings_there_is_no_page(folder: ResultsFolder, tmp_path: Path) -> None:
     with pytest.raises(ResultsError, match="no recording"):
         write_replay(folder, [], tmp_path / "page.html")
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_where_all_runs_failed_there_is_no_page(folder: ResultsFolder, tmp_path: Path) -> None:
+    shutil.copytree(folder.path, tmp_path / "failed")
+    failed = ResultsFolder(tmp_path / "failed")
+    failed.rewrite([dataclasses.replace(row, error="Boom: no") for row in folder.rows()])
+    for more in ([], ["--agent", "nearest"]):
+        done = CliRunner().invoke(
+            app, ["replay", str(failed.path), "--out", str(tmp_path / "page.html"), *more]
+        )
+        assert isinstance(done.exception, ResultsError)
+        said = str(done.exception)
+        assert f"all {2 if more else 4} runs" in said and "Boom: no" in said and "error.txt" in said
+        assert "earlier version" not in said
     assert not (tmp_path / "page.html").exists()
 
 

@@ -9,6 +9,7 @@ import re
 from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from layoutexplore.benchmark.analysis import compare
-from layoutexplore.benchmark.config import BenchmarkConfig, settings
+from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import COLUMNS, ResultsFolder
@@ -28,7 +29,6 @@ from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.report.benchmark import headline, report_view, write_benchmark_report
-from layoutexplore.report.caveats import caveats
 from layoutexplore.report.templates import TEMPLATES, interval, render
 from tests.plans import HOUSE
 from tests.report.cases import many_runs
@@ -278,6 +278,69 @@ def test_the_headline_says_no_more_than_is_known(
     assert doubted == (min(factors) < 1 < max(factors))
 
 
+def test_two_floors_of_one_building_prove_nothing(folder: ResultsFolder) -> None:
+    rows = [dataclasses.replace(row, building="tower") for row in folder.rows()]
+    view = report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
+    assert view["counts"]["floor plans"] == 2 and "in one building, which proves nothing" in view["verdict"]
+
+
+def test_runs_ended_below_95_percent_are_ranked_at_90(folder: ResultsFolder) -> None:
+    """One of them happened to see more: that is no measurement of the level."""
+    below: dict[str, Any] = {"d95": math.nan, "d99": math.nan, "reached95": False, "reached99": False}
+    rows = [dataclasses.replace(row, **below) for row in folder.rows()]
+    rows[0] = dataclasses.replace(rows[0], d95=5.0, reached95=True)
+    comparisons = compare(rows, "nearest")
+    table = headline(rows, "nearest", comparisons)
+    ranked = sorted(
+        (c for c in comparisons if c.sensor == "all sensors"), key=lambda c: (c.ratio.estimate, c.agent)
+    )
+    assert [line[0] for line in table[1:]] == [c.agent for c in ranked]
+    assert all("(" in line[1] and line[2:4] == ("–", "–") and line[5] == "–" for line in table[1:])
+    view = report_view(folder, rows, folder.manifest(), "nearest", comparisons)
+    assert view["best"].metric == "d90" and "to see 90\N{NO-BREAK SPACE}% of a floor" in view["verdict"]
+    assert [line.agent for line in view["groups"][0].table] == [c.agent for c in ranked]
+    text, html = (render(name, **view) for name in ("benchmark.md", "benchmark.html"))
+    assert "| 100 / – / – % |" in text and "buildings equal, 90 %" in text
+    assert "Metres to 90 % by floor plan" in text
+    html = html.replace("\N{NO-BREAK SPACE}", " ")
+    assert "metres of nearest to 90 %" in html and "m to 90 %" in html and "95 % not reached" not in html
+    never = [dataclasses.replace(row, d90=math.nan, d95=math.nan) for row in rows]
+    view = report_view(folder, never, folder.manifest(), "nearest", compare(never, "nearest"))
+    html = render("benchmark.html", **view).replace("\N{NO-BREAK SPACE}", " ")
+    assert "Runs were ended below 90 %, so there is nothing to compare with" in html and not view["best"]
+
+
+def test_agents_that_ran_other_cells_do_not_pass_for_equal(folder: ResultsFolder) -> None:
+    every = folder.rows()
+    rows = [row for row in every if row.agent != "random" or row.plan == "small"]
+    for chosen, apart in ((every, False), (rows, True)):
+        comparisons = compare(chosen, "nearest")
+        table = headline(chosen, "nearest", comparisons)
+        assert table[0][-1] == "cells"
+        cells = {line[0]: line[-1] for line in table[1:]}
+        assert cells == {"nearest": "4", "clairvoyant": "4", "random": "2" if apart else "4"}
+        view = report_view(folder, chosen, folder.manifest(), "nearest", comparisons)
+        html, text = (render(name, **view) for name in ("benchmark.html", "benchmark.md"))
+        assert ("Every agent ran the same cells" in html) != apart
+        assert ("Mean over 2 to 4 cells" if apart else "Mean over 4 cells") in html
+        assert ("Not all agents ran the same cells" in view["verdict"]) == apart
+        for page in (html, text):
+            assert f"buildings behind each: {'1 to 2' if apart else '2'}." in page
+            assert ("random ran 2 of the 4 cells: its ratios are of those." in page) == apart
+            assert ("10 of 12 runs are there" in page) == apart
+
+
+def test_a_summary_without_comparisons_has_its_header(folder: ResultsFolder) -> None:
+    import pandas as pd
+
+    *_, whole, _ = write_benchmark_report(folder)
+    columns = list(pd.read_csv(whole).columns)
+    *_, summary, _ = write_benchmark_report(folder, baseline="tour")
+    found = pd.read_csv(summary)
+    assert list(found.columns) == columns and not len(found)
+    write_benchmark_report(folder)
+
+
 def test_runs_that_need_see_no_90_percent_are_listed(folder: ResultsFolder) -> None:
     never = {"d90": math.nan, "d95": math.nan, "d99": math.nan}
     rows = [dataclasses.replace(row, **never) for row in folder.rows()]  # type: ignore[arg-type]
@@ -311,32 +374,6 @@ def test_a_folder_without_a_benchmark(tmp_path: Path) -> None:
     (tmp_path / "run.toml").write_text("a = [")
     with pytest.raises(ResultsError, match="damaged"):
         write_benchmark_report(ResultsFolder(tmp_path))
-
-
-def test_caveats_follow_the_settings(folder: ResultsFolder) -> None:
-    rows = folder.rows()
-    made = settings(BenchmarkConfig())
-    made["simulation"] |= {
-        "odometry_noise": {"translation": 0.1, "rotation": 0.0},
-        "turn_cost": 1.0,
-        "coverage_goal": 0.95,
-    }
-    del made["simulation"]["max_distance"]
-    said = " ".join(caveats(rows[:1], made))
-    assert "no intervals at all" in said and "Odometry" not in said and "Turning" not in said and "95" in said
-    assert "best of" not in said and "has learnt" not in said
-
-
-def test_what_flatters_is_said(folder: ResultsFolder) -> None:
-    rows = [dataclasses.replace(row, agent="layout-tour", plan="office-01") for row in folder.rows()]
-    made = settings(BenchmarkConfig())
-    assert (
-        "has learnt from the KTH and school floors and from the plans of the split train (office-01 here)"
-        in " ".join(caveats(rows, made))
-    )
-    rows = [dataclasses.replace(row, agent="layout-tour:predictor=oracle") for row in rows]
-    assert "has learnt" not in " ".join(caveats(rows, made))
-    assert "the best of 3 on these very runs" in " ".join(caveats(rows, made, candidates=3))
 
 
 def test_intervals_as_text() -> None:

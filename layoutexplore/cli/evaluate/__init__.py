@@ -28,8 +28,9 @@ from layoutexplore.cli.evaluate.registration import (
 )
 from layoutexplore.cli.evaluate.robustness import HELP as ROBUSTNESS_HELP
 from layoutexplore.cli.evaluate.robustness import robustness
-from layoutexplore.cli.evaluate.segmentation import segmentation, train_merging
+from layoutexplore.cli.evaluate.segmentation import segmentation
 from layoutexplore.cli.evaluate.separator import train_separator
+from layoutexplore.cli.evaluate.train_merging import train_merging
 from layoutexplore.cli.evaluate.train_predictor import HELP as TRAIN_PREDICTOR_HELP
 from layoutexplore.cli.evaluate.train_predictor import train_predictor
 

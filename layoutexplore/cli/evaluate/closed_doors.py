@@ -48,7 +48,11 @@ def closed_doors(
     jobs: Annotated[int, typer.Option(min=1, help="Processes; with --folds one.")] = 1,
     resolution: Annotated[float, typer.Option(help="Metres a pixel.")] = 0.05,
     folds: Annotated[
-        int, typer.Option(min=0, help="Train anew without each of so many groups of buildings; 0: shipped.")
+        int,
+        typer.Option(
+            min=0,
+            help="Train anew without each of so many groups of buildings, at most one each; 0: shipped.",
+        ),
     ] = 0,
     plans: Plans = None,
     cache: Cache = None,
@@ -62,6 +66,7 @@ def closed_doors(
     from layoutexplore.evaluation.closed_doors import (
         cross_validate_closed_doors,
         evaluate,
+        held_out_groups,
         summarise_closed_doors,
     )
     from layoutexplore.maps.closed_door_maps import find_triples
@@ -72,10 +77,11 @@ def closed_doors(
         require("jinja2", "bench")
     check_places(out, json_file)
     triples = find_triples(folder)
+    groups = held_out_groups(triples, folds) if folds else 0
     scores = []
     if folds:
         results = cross_validate_closed_doors(
-            triples, folds, _learn_from(folder, plans or (), cache), resolution=resolution, out=out
+            triples, groups, _learn_from(folder, plans or (), cache), resolution=resolution, out=out
         )
     else:
         results = evaluate(triples, resolution=resolution, out=out, jobs=jobs)
@@ -84,7 +90,7 @@ def closed_doors(
         typer.echo(f"{triple.name}: {_line(score)}")
     summary = summarise_closed_doors(scores)
     _print(summary)
-    note = f"every building was held out, in {folds} groups" if folds else NOTE
+    note = f"every building was held out, in {groups} groups" if folds else NOTE
     typer.echo(f"note: {note}")
     written = []
     if report:

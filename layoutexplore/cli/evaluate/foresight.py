@@ -33,6 +33,7 @@ def foresight(
     """Measure what foresight is worth; `HELP` is what the command line says."""
     import dataclasses
 
+    from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.benchmark.config import BenchmarkConfig
     from layoutexplore.cli.benchmark import run_with_progress
     from layoutexplore.cli.progress import plain_console
@@ -58,7 +59,7 @@ def foresight(
         baseline=REFERENCE,
         explain=False,
     )
-    outcome = run_with_progress(plain_console(), config, out / "runs", jobs=jobs)
+    outcome = run_with_progress(plain_console(), config, out / "runs", jobs=jobs, shared=True)
     for row in outcome.failed:
         typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
     scores = score_foresight(outcome.rows, predictors)
@@ -71,5 +72,9 @@ def foresight(
         rows.append(line)
     write_csv(out / "foresight.csv", rows)
     text = foresight_table(scores)
+    if failed := failed_runs(outcome.rows):
+        text += "\nFailed runs are in no figure above:\n\n" + "".join(f"- {line}\n" for line in failed)
     write_atomically(out / "foresight.md", text)
     typer.echo(text + f"\nwritten: {out / 'foresight.md'} and {out / 'foresight.csv'}")
+    if failed:
+        raise typer.Exit(1)

@@ -80,7 +80,7 @@ def in_the_loop(
         agents=(BASELINE, *map(driver_of, names)),
         explain=False,
     )
-    outcome = run_with_progress(plain_console(), config, out / "runs", jobs=jobs)
+    outcome = run_with_progress(plain_console(), config, out / "runs", jobs=jobs, shared=True)
     for row in outcome.failed:
         typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
     scores, buildings, pictures = _ask(sources, predictors, sensors, starts, out / "snapshots")

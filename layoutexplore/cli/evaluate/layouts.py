@@ -18,11 +18,15 @@ def evaluate_layout(
     resolution: Resolution = 0.1,
     json_file: JsonFile = None,
 ) -> None:
-    """Layouts of grid maps against floor plans, stretched onto the walls: A_FC and A_BC (IAS-15)."""
+    """Layouts of grid maps against floor plans, stretched onto the walls: A_FC and A_BC (IAS-15).
+
+    A floor plan is held against its map as it is and mirrored in y; the way round that fits the map's free
+    space better is scored, and "truth mirrored" says so.
+    """
     import numpy as np
 
     from layoutexplore.errors import MapError
-    from layoutexplore.evaluation.layouts import read_outlines, score_layout
+    from layoutexplore.evaluation.layouts import facing_outlines, read_outlines, score_layout
     from layoutexplore.grids.ros_map import load_grid
     from layoutexplore.layout.pipeline import layout_method, reconstruct
 
@@ -38,13 +42,15 @@ def evaluate_layout(
     rows: list[dict[str, Any]] = []
     for name in dict.fromkeys(method or ["default"]):
         for image, truth in pairs:
-            found = reconstruct(load_grid(image, resolution=resolution), name)
-            row = {"map": image.stem, "method": name} | asdict(score_layout(found, read_outlines(truth)))
-            rows.append(row | {"ms": 1000 * found.seconds})
+            grid = load_grid(image, resolution=resolution)
+            rooms, is_mirrored = facing_outlines(read_outlines(truth), grid)
+            found = reconstruct(grid, name)
+            row = {"map": image.stem, "method": name} | asdict(score_layout(found, rooms))
+            rows.append(row | {"truth_mirrored": is_mirrored, "ms": 1000 * found.seconds})
             typer.echo(
                 f"{image.stem} {name}: A_FC {100 * row['a_fc']:.1f} A_BC {100 * row['a_bc']:.1f} "
                 f"P {100 * row['precision']:.1f} R {100 * row['recall']:.1f}  "
-                f"{row['rooms']}/{row['true_rooms']} rooms"
+                f"{row['rooms']}/{row['true_rooms']} rooms{', truth mirrored' if is_mirrored else ''}"
             )
         part = [r for r in rows if r["method"] == name]
         means = []

@@ -42,6 +42,13 @@ NOTE = (
 )
 
 
+NOTHING = {
+    "rooms": "no room is judged: on these plans none was half seen where an exploration was looked at",
+    "frontiers": "no frontier is judged: these plans are seen whole before there is a decision to look at",
+}
+"""What is said instead of a table without lines."""
+
+
 HELP = (
     "Half-seen rooms: hidden IoU, room IoU, areas; closed or open frontiers; every predictor on the same "
     "snapshots."
@@ -82,7 +89,7 @@ def partial_rooms(
     if out is not None:
         require("jinja2", "bench")
     check_places(out, json_file, snapshots=snapshots)
-    sensors = [find_sensor(name).name for name in sensor or SENSORS]
+    sensors = list(dict.fromkeys(find_sensor(name).name for name in sensor or SENSORS))
     predictors = [make_room_predictor(name) for name in dict.fromkeys(predictor or predictor_names())]
     taken = (
         snapshot
@@ -109,12 +116,18 @@ def partial_rooms(
 
 
 def print_summary(summary: dict[str, Any]) -> None:
-    """Tables of rooms and frontiers, and what a decision costs."""
-    _print("rooms", "explored", summary, ROOM_COLUMNS)
-    _print("frontiers", "coverage", summary, FRONTIER_COLUMNS)
-    typer.echo(
-        "median ms a decision: " + ", ".join(f"{name} {part['ms']:.1f}" for name, part in summary.items())
-    )
+    """Tables of rooms and frontiers, and what a decision costs; a sentence where nothing is judged."""
+    for what, stratum, columns in (
+        ("rooms", "explored", ROOM_COLUMNS),
+        ("frontiers", "coverage", FRONTIER_COLUMNS),
+    ):
+        if any(part[what] for part in summary.values()):
+            _print(what, stratum, summary, columns)
+        else:
+            typer.echo(NOTHING[what])
+    times = [f"{name} {part['ms']:.1f}" for name, part in summary.items() if not math.isnan(part["ms"])]
+    if times:
+        typer.echo("median ms a decision: " + ", ".join(times))
 
 
 def _shown(value: float) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +12,9 @@ import typer
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
+    from layoutexplore.benchmark.analysis import FailedRuns
     from layoutexplore.benchmark.rows import Row
+    from layoutexplore.evaluation.robustness import AgentUnderNoise
 
 AGENTS = ("nearest", "latency-tour", "layout-tour")
 """Who explores when nobody is named."""
@@ -45,6 +48,7 @@ def robustness(
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
 ) -> None:
     """Measure robustness; `HELP` is what the command line says."""
+    from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.errors import require
     from layoutexplore.evaluation.robustness import agents_under_noise, chosen_levels, predictors_under_noise
     from layoutexplore.maps.library import find_plans
@@ -68,13 +72,13 @@ def robustness(
         "sensors": sensors,
         "levels": levels,
     }
-    written = write_robustness_report(out, found, predictors_under_noise(summaries), facts=facts)
-    for line in found:
-        typer.echo(
-            f"{line.agent:<16} {line.level:<7} saw 99 %: {line.reached:6.1%} of {line.runs}  to 95 %: "
-            f"{line.d95:.2f}  to 99 %: {line.d99.estimate:.2f}"
-        )
+    failed = {each: failed_runs(part) for each, part in rows.items()}
+    judged = predictors_under_noise(summaries)
+    written = write_robustness_report(out, found, judged, facts=facts, failed=failed)
+    _print(found, failed)
     typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
+    if any(failed.values()):
+        raise typer.Exit(1)
 
 
 def _explore(
@@ -102,10 +106,25 @@ def _explore(
         explain=False,
         simulation=SimulationConfig(noise="" if level == NOISELESS else level),
     )
-    outcome = run_with_progress(plain_console(), config, out / f"runs-{level}", jobs=jobs)
+    outcome = run_with_progress(plain_console(), config, out / f"runs-{level}", jobs=jobs, shared=True)
     for row in outcome.failed:
         typer.echo(f"failed: {level} {row.plan} {row.sensor} {row.agent}: {row.error}")
     return outcome.rows
+
+
+def _print(found: Sequence[AgentUnderNoise], failed: Mapping[str, Sequence[FailedRuns]]) -> None:
+    for line in found:
+        d95, d99 = (
+            "-" if math.isnan(ratio.estimate) else text
+            for ratio, text in ((line.d95, f"{line.d95:.2f}"), (line.d99, f"{line.d99.estimate:.2f}"))
+        )
+        typer.echo(
+            f"{line.agent:<16} {line.level:<7} saw 99 %: {line.reached:6.1%} of {line.runs}  to 95 %: "
+            f"{d95}  to 99 %: {d99}"
+        )
+    for level, lines in failed.items():
+        for one in lines:
+            typer.echo(f"failed: level {level}, {one}")
 
 
 def _ask(

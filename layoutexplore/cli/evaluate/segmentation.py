@@ -1,4 +1,4 @@
-"""`layoutexplore evaluate segmentation` and `train`: rooms of grid maps, and the classifier behind them."""
+"""`layoutexplore evaluate segmentation`: rooms of grid maps."""
 
 from __future__ import annotations
 
@@ -17,13 +17,15 @@ if TYPE_CHECKING:
 
     from layoutexplore.evaluation.cross_validation import CrossValidationConfig
     from layoutexplore.evaluation.segmentation import MapScore
-    from layoutexplore.layout.merging.merge_tree.cut import MergingModels
     from layoutexplore.maps.painted_rooms import Case
 
 Methods = Annotated[
     list[str] | None, typer.Option("--method", "-m", help="Method; repeat for several side by side.")
 ]
 Resolution = Annotated[float, typer.Option(min=0.001, help="Metres a pixel.")]
+CaseResolution = Annotated[
+    float, typer.Option(min=0.001, help="Metres a pixel where no index.csv (file, m_per_px) beside says it.")
+]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")]
 Weights = Annotated[
     list[str] | None,
@@ -73,7 +75,7 @@ def segmentation(
     simulated: Simulated = 450,
     plans: PlanFolders = None,
     weight: Weights = None,
-    resolution: Resolution = 0.05,
+    resolution: CaseResolution = 0.05,
     json_file: JsonFile = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for report.html, results.csv and a picture per map.")
@@ -97,21 +99,23 @@ def segmentation(
     methods = list(dict.fromkeys(method or ["default"]))
     for name in methods:
         layout_method(name)
-    cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
+    cases = find_cases(folders, read_buildings(buildings) if buildings else None)
     training = {"--seeds": seeds > 1, "--plans": bool(plans), "--weight": bool(weight)}
     _check_held_out(folds, leave_out, methods, {**training, "--source": bool(source)})
     check_places(out, json_file)
     if out is not None:
         require("jinja2", "bench")
+    _say_scales(cases)
     if folds or leave_out:
+        _say_guesses(cases)
         config = CrossValidationConfig(
             folds=folds,
             protocol=protocol,
             resolution=resolution,
             simulated=simulated,
-            plans=tuple(_plans(plans)),
+            plans=tuple(plans_of(plans)),
             seeds=seeds,
-            weights=_weights(weight, cases),
+            weights=weights_of(weight, cases),
             sources=_sources(source, cases),
         )
         results = _scores_held_out(cases, config, by_source=leave_out is not None)
@@ -135,6 +139,25 @@ def _scores_held_out(
 
     validate = leave_sources_out if by_source else cross_validate_merging
     return validate(cases, config, progress=progress_lines())
+
+
+def _say_scales(cases: Sequence[Case]) -> None:
+    scales = [case.resolution for case in cases if case.resolution]
+    if scales:
+        span = " to ".join(f"{value:g}" for value in dict.fromkeys((min(scales), max(scales))))
+        typer.echo(
+            f"note: {len(scales)} of {len(cases)} maps at the scale of their index.csv, {span} m a pixel"
+        )
+
+
+def _say_guesses(cases: Sequence[Case]) -> None:
+    """Which maps are held out with their whole folder, as nobody tells their building."""
+    names = [f"{case.folder}/{case.name}" for case in cases if case.is_guess]
+    if names:
+        shown = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
+        typer.echo(
+            f"note: the building of {len(names)} maps is a guess, their folder: {shown} (--buildings FILE)"
+        )
 
 
 def _check_held_out(
@@ -266,7 +289,8 @@ def _print_spread(lines: Sequence[dict[str, Any]]) -> None:
         typer.echo(f"{line['folder']}, standard deviation of the mean over {line['seeds']} seeds: {values}")
 
 
-def _read_buildings(path: Path) -> dict[str, str]:
+def read_buildings(path: Path) -> dict[str, str]:
+    """The building of each map, from a CSV with the columns map and building."""
     from layoutexplore.errors import ConfigError
     from layoutexplore.files import read_csv
 
@@ -277,7 +301,8 @@ def _read_buildings(path: Path) -> dict[str, str]:
     return {line[of_map]: line[building] for line in lines}
 
 
-def _plans(folders: Sequence[str] | None) -> list[str]:
+def plans_of(folders: Sequence[str] | None) -> list[str]:
+    """The floor plans that names, files and folders stand for."""
     from layoutexplore.maps import expand_plans
 
     return [plan for folder in folders or () for plan in expand_plans(folder)]
@@ -286,105 +311,38 @@ def _plans(folders: Sequence[str] | None) -> list[str]:
 def _sources(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, str]:
     from layoutexplore.errors import ConfigError
 
-    folders, sources = {case.folder for case in cases}, {}
+    sources = {}
     for text in given or ():
         folder, equals, source = text.partition("=")
         if not (folder and equals and source):
             raise ConfigError(f"--source {text}: FOLDER=SOURCE is needed, such as bormann_furnished=survey")
-        if folder not in folders:
-            raise ConfigError(
-                f"--source {text}: no folder of that name is given; there are {', '.join(sorted(folders))}"
-            )
-        sources[folder] = source
+        sources[_folder(folder, f"--source {text}", cases)] = source
     return sources
 
 
-def _weights(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, float]:
+def _folder(name: str, where: str, cases: Sequence[Case]) -> str:
+    """The name of a folder, if maps of it are given."""
     from layoutexplore.errors import ConfigError
 
-    folders, weights = {case.folder for case in cases}, {}
+    folders = {case.folder for case in cases}
+    if name not in folders:
+        known = ", ".join(sorted(folders))
+        raise ConfigError(f"{where}: no folder of that name is given; there are {known}")
+    return name
+
+
+def weights_of(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, float]:
+    """The weight of each folder of `FOLDER=NUMBER`."""
+    from layoutexplore.errors import ConfigError
+
+    weights = {}
     for text in given or ():
         folder, _, number = text.rpartition("=")
         try:
-            weights[folder] = float(number)
+            weight = float(number)
         except ValueError:
             raise ConfigError(f"--weight {text}: FOLDER=NUMBER is needed, such as cluttered=4") from None
-        if folder not in folders:
-            raise ConfigError(
-                f"--weight {text}: no folder of that name is given; there are {', '.join(sorted(folders))}"
-            )
-        if not 0 < weights[folder] < float("inf"):
+        weights[_folder(folder, f"--weight {text}", cases)] = weight
+        if not 0 < weight < float("inf"):
             raise ConfigError(f"--weight {text}: a weight must be above 0")
     return weights
-
-
-def train_merging(
-    folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
-    out: Annotated[Path, typer.Option(help="File for the judge of pairs of pieces, merging_model.json.")],
-    cut_out: Annotated[
-        Path | None,
-        typer.Option(help="File for the judge of merges, cut_model.json; beside the other one if not given."),
-    ] = None,
-    buildings: Annotated[
-        Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")
-    ] = None,
-    simulated: Simulated = 450,
-    plans: Annotated[
-        list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
-    ] = None,
-    weight: Weights = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
-    resolution: Resolution = 0.05,
-) -> None:
-    """Train the classifiers of the default method, which decide which regions of a map are one room."""
-    from layoutexplore.cli.progress import progress_lines
-    from layoutexplore.layout.merging.merge_tree.cut import ASKEW_PREFIX, CUT_MODEL, RAGGED_PREFIX
-    from layoutexplore.maps.painted_rooms import find_cases
-    from layoutexplore.training.map_noise.examples import POLYGONAL
-    from layoutexplore.training.merge_trees.models import train_classifiers
-
-    cut_out = cut_out or out.parent / CUT_MODEL.name
-    check_places(out.parent, out, file="--out")
-    check_places(cut_out.parent, cut_out, file="--cut-out")
-    cases = find_cases(folders, _read_buildings(buildings) if buildings else None)
-    weights = _weights(weight, cases)
-    models = train_classifiers(
-        cases,
-        resolution=resolution,
-        simulated=simulated,
-        plans=_plans(plans),
-        seed=seed,
-        weights=weights,
-        progress=progress_lines(),
-    )
-    note = (
-        f"log-odds that two touching pieces are one room; trained on {len(cases)} maps and {simulated} "
-        "simulated ones"
-    )
-    note += f", seed {seed}" + "".join(
-        f", weight {value:g} for {folder}" for folder, value in weights.items()
-    )
-    _write_models(models, out, cut_out, note)
-    polygonal = f", and {simulated // POLYGONAL} of polygonal buildings"
-    for prefix, others, more in (
-        (ASKEW_PREFIX, models.askew, polygonal),
-        (RAGGED_PREFIX, models.ragged, ", one half of the trees with the separator network"),
-    ):
-        if others is not None:
-            pairs, cut = (path.with_name(prefix + path.name) for path in (out, cut_out))
-            _write_models(others, pairs, cut, note + more)
-
-
-def _write_models(models: MergingModels, out: Path, cut_out: Path, note: str) -> None:
-    """Write the classifiers and say so."""
-    from layoutexplore.layout.merging.merge_forest import save_forest
-    from layoutexplore.layout.merging.merge_tree.cut import save_cut_forest
-
-    save_forest(models.pairs, out, note=note)
-    typer.echo(f"written: {out}, {len(models.pairs.roots)} trees")
-    if models.cut is None:
-        typer.echo("no merge of the maps' regions is right, or none is wrong: no cut to learn")
-        return
-    note = note.replace("two touching pieces are one room", "a merge stands")
-    save_cut_forest(models.cut, cut_out, note=note)
-    typer.echo(f"written: {cut_out}, {len(models.cut.roots)} trees")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -10,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.files import read_csv, read_toml, safe_name, write_atomically, write_csv
+from layoutexplore.files import read_toml, safe_name, write_atomically, write_csv
 from layoutexplore.files.schema import Items, Number, Record
 from layoutexplore.grids.arrays import Bytes, Floats
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.ros_map import encode_png, load_grid
 from layoutexplore.maps.buildings import building_of
-from layoutexplore.maps.painted_rooms import TRUTH_SUFFIX
+from layoutexplore.maps.painted_rooms import INDEX, TRUTH_SUFFIX, read_scales
 from layoutexplore.training.map_noise.fit import SimulatedMaps
 from layoutexplore.training.map_noise.simulate import MapNoiseConfig, NoisyMap
 from layoutexplore.training.map_noise.statistics import describe_grid, statistics_table
@@ -42,7 +41,7 @@ def describe_folders(folders: Sequence[Path], resolution: float) -> tuple[Floats
     for folder in folders:
         if not folder.is_dir():
             raise MapError(f"{folder}: no such folder")
-        scales = _scales(folder / "index.csv")
+        scales = read_scales(folder / INDEX)
         maps = [path for path in sorted(folder.glob("*.png")) if not path.stem.endswith(_NOT_MAPS)]
         if not maps:
             raise MapError(f"{folder}: no map NAME.png inside this folder")
@@ -51,29 +50,6 @@ def describe_folders(folders: Sequence[Path], resolution: float) -> tuple[Floats
             found.append(describe_grid(load_grid(path, resolution=scale).cells, scale))
             buildings.append(building_of(path.stem, "painted rooms") or path.stem)
     return statistics_table(found), buildings
-
-
-def _scales(index: Path) -> dict[str, float]:
-    """Metres a pixel by the name of the file, as far as an index says it."""
-    if not index.is_file():
-        return {}
-    header, *lines = read_csv(index, error=MapError, what="index of maps") or [[]]
-    if not {"file", "m_per_px"} <= {*header}:
-        return {}
-    name, scale = header.index("file"), header.index("m_per_px")
-    out = {}
-    for line in lines:
-        if len(line) != len(header):
-            raise MapError(f"{index}: a line of {len(line)} values under a header of {len(header)}")
-        if not line[scale]:
-            continue
-        try:
-            out[line[name]] = float(line[scale])
-        except ValueError:
-            raise MapError(f"{index}: m_per_px of {line[name]} is no number: {line[scale]!r}") from None
-        if not 0 < out[line[name]] < math.inf:
-            raise MapError(f"{index}: m_per_px of {line[name]} must be above 0")
-    return out
 
 
 def read_noise(path: Path) -> MapNoiseConfig:
@@ -93,11 +69,13 @@ def read_noise(path: Path) -> MapNoiseConfig:
 
 
 def write_cases(made: SimulatedMaps, folder: Path) -> int:
-    """Write maps as `evaluate segmentation` reads them, and buildings.csv, which says what they are maps of.
+    """Write maps as `evaluate segmentation` reads them, with their scales and what they are maps of.
+
+    The scales stand in index.csv (`file`, `m_per_px`), the buildings in buildings.csv (`map`, `building`).
 
     Returns the number of maps written: one in which no room is seen is left out.
     """
-    lines = []
+    lines, scales = [], []
     for k, (one, building) in enumerate(zip(made.maps, made.buildings, strict=True)):
         if not ((one.rooms > 0) & (one.cells == FREE)).any():
             continue
@@ -105,7 +83,9 @@ def write_cases(made: SimulatedMaps, folder: Path) -> int:
         write_atomically(folder / f"{name}.png", encode_png(_picture(one)))
         write_atomically(folder / f"{name}{TRUTH_SUFFIX}.png", encode_png(_painted(one)))
         lines.append({"map": name, "building": building})
+        scales.append({"file": f"{name}.png", "m_per_px": float(one.resolution)})
     write_csv(folder / "buildings.csv", lines, columns=["map", "building"], digits=None)
+    write_csv(folder / INDEX, scales, columns=["file", "m_per_px"], digits=None)
     return len(lines)
 
 

@@ -19,6 +19,8 @@ from layoutexplore.training.map_noise.files import describe_folders, read_noise,
 from layoutexplore.training.map_noise.fit import fit_noise, simulate_maps, told_apart
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
 from layoutexplore.training.map_noise.statistics import describe_grid
+from layoutexplore.training.merging_examples import Example
+from layoutexplore.training.room_merging import training_examples
 
 QUIET = MapNoise.draw(
     MapNoiseConfig(
@@ -97,6 +99,27 @@ def test_written_maps_are_cases_with_their_buildings(tmp_path: Path) -> None:
     assert "map,building" in (tmp_path / "buildings.csv").read_text()
 
 
+def test_written_maps_are_read_and_learnt_from_at_their_own_scale(tmp_path: Path) -> None:
+    made = simulate_maps(PLANS, dataclasses.replace(FAST, resolution=(0.08, 0.12)), 3, seed=2)
+    count = write_cases(made, tmp_path)
+    cases = find_cases([tmp_path])
+    scales = [read_case(case, 0.05)[0].resolution for case in cases]
+    assert count == len(scales) and sorted(scales) == sorted(one.resolution for one in made.maps)
+    table, _ = describe_folders([tmp_path], 0.05)
+    assert np.allclose(np.sort(table, 0), np.sort(made.statistics(), 0))
+    seen: list[float] = []
+
+    def spy(cells: object, truth: object, resolution: float, **_: object) -> list[Example]:
+        seen.append(resolution)
+        return []
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("make_example", "explored_examples"):
+            patch.setattr(f"layoutexplore.training.room_merging.{name}", spy)
+        training_examples(cases, 0.05)
+    assert set(seen) == set(scales)
+
+
 def test_bad_ranges_and_folders_are_named(tmp_path: Path) -> None:
     file = tmp_path / "noise.toml"
     for text, said in (
@@ -116,8 +139,8 @@ def test_bad_ranges_and_folders_are_named(tmp_path: Path) -> None:
     with pytest.raises(MapError, match="no map"):
         describe_folders([tmp_path], 0.05)
     assert write_cases(simulate_maps(PLANS, FAST, 4), tmp_path)
+    name = find_cases([tmp_path])[0].image.name
     for scale in ("wide", "-1"):
-        name = find_cases([tmp_path])[0].image.name
         (tmp_path / "index.csv").write_text(f"file,m_per_px\n{name},{scale}\n")
         with pytest.raises(MapError, match="m_per_px"):
             describe_folders([tmp_path], 0.05)

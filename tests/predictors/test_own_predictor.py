@@ -1,0 +1,51 @@
+"""Rooms of a user's own predictor: ids of any kind, or a word about those that are none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from layoutexplore.errors import ConfigError
+from layoutexplore.frontiers.decision import Decision
+from layoutexplore.predictors import RoomLabels
+from layoutexplore.predictors.own_predictor import OwnPredictor
+
+
+class Numbered:
+    """Everything known to be free is the room of one id."""
+
+    def __init__(self, number: int, dtype: Any = np.int64, *, as_labels: bool = False) -> None:
+        self.number, self.dtype, self.as_labels = number, dtype, as_labels
+
+    def rooms(self, decision: Decision) -> Any:
+        free = decision.grid.free
+        ids = np.where(free, self.dtype(self.number), self.dtype(0))
+        return RoomLabels(ids, free) if self.as_labels else ids
+
+
+@pytest.mark.parametrize(
+    ("number", "dtype"), [(2**31 - 1, np.int32), (2**40, np.int64), (2**63 + 1, np.uint64)]
+)
+def test_high_ids_are_as_good_as_low_ones(decision: Decision, number: int, dtype: Any) -> None:
+    plain = OwnPredictor("own", Numbered(1)).predict(decision)
+    high = OwnPredictor("own", Numbered(number, dtype)).predict(decision)
+    assert [f.expected_area for f in high.frontiers] == [f.expected_area for f in plain.frontiers]
+    kept = OwnPredictor("own", Numbered(70_000)).rooms(decision)
+    assert set(np.unique(kept.room_ids)) - {0, kept.rest} == {70_000}
+
+
+@pytest.mark.parametrize(
+    "inner",
+    [
+        Numbered(-1),
+        Numbered(-1, as_labels=True),
+        Numbered(2**40, as_labels=True),
+        Numbered(1, np.float64),
+        Numbered(1, np.float64, as_labels=True),
+    ],
+)
+def test_what_are_no_ids_is_named(decision: Decision, inner: Numbered) -> None:
+    with pytest.raises(ConfigError, match="predictor 'own'"):
+        OwnPredictor("own", inner).predict(decision)
