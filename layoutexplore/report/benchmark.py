@@ -204,7 +204,7 @@ def report_view(
 
 
 def headline(rows: Sequence[Row], baseline: str, comparisons: Sequence[Comparison]) -> list[tuple[str, ...]]:
-    """The table for the terminal: a header, then a row an agent, best first."""
+    """The table for the terminal: a header, then a row an agent, best first; its cells where they differ."""
     parts = groups(rows)
     if not parts:
         return [("agent",)]
@@ -228,11 +228,13 @@ def headline(rows: Sequence[Row], baseline: str, comparisons: Sequence[Compariso
             *(_short(found.get(m), full=m == level) for m, _ in names),
             percent(found[level].improvement.estimate) if level in found else "–",
             percent(found["d99"].reached) if "d99" in found else "–",
-            str(found[level].cells) if level in found else "0",
         )
         for agent, found in ranked
     ]
-    return [(*header, "cells"), *body]
+    cells = [found[level].cells if level in found else 0 for _, found in ranked]
+    if len(set(cells)) < 2:
+        return [header, *body]
+    return [(*header, "cells"), *((*line, str(count)) for line, count in zip(body, cells, strict=True))]
 
 
 def _short(c: Comparison | None, *, full: bool) -> str:
