@@ -73,6 +73,8 @@ class Pin(NamedTuple):
 _loaded: dict[str, Loaded] = {}
 _places: dict[str, str] = {}
 _pins: dict[str, Pin] = {}
+_folders: list[str] = []
+"""Where files of references lie, in `sys.path` for their sake."""
 
 
 class Reference(NamedTuple):
@@ -225,8 +227,7 @@ def _execute(place: str, before: Loaded | None, files: dict[Path, bytes]) -> Loa
     source = files[path] if path in files else read_bytes(path, ConfigError, "code", limit="text_mb")
     for changed in before.files if before else ():
         _forget(changed)
-    if str(path.parent) not in sys.path:
-        sys.path.append(str(path.parent))
+    _look_beside(path.parent)
     module = ModuleType(f"{path.stem}_{hashlib.sha256(place.encode()).hexdigest()[:8]}")
     module.__file__ = place
     sys.modules[module.__name__] = module  # dataclasses look for their module there
@@ -239,6 +240,26 @@ def _execute(place: str, before: Loaded | None, files: dict[Path, bytes]) -> Loa
 
     _run(place, run)
     return Loaded(module, files or {**files_of(module), path: source})
+
+
+def _look_beside(folder: Path) -> None:
+    """Let the modules of a folder be imported, before those of one name in the folders of other files."""
+    here = str(folder)
+    if here not in sys.path:
+        sys.path.append(here)
+        _folders.append(here)
+    if here not in _folders:  # The user's own order stays.
+        return
+    for name, module in list(sys.modules.items()):
+        file, top = getattr(module, "__file__", None), name.partition(".")[0]
+        if not isinstance(file, str) or not ((folder / f"{top}.py").is_file() or (folder / top).is_dir()):
+            continue
+        homes = {str(home) for home in Path(file).resolve().parents}
+        if here not in homes and homes.intersection(_folders):
+            del sys.modules[name]
+    first = min(sys.path.index(other) for other in _folders if other in sys.path)
+    sys.path.remove(here)
+    sys.path.insert(first, here)
 
 
 def _import(place: str, before: Loaded | None, files: dict[Path, bytes]) -> Loaded:

@@ -43,6 +43,22 @@ def test_what_it_imports_from_beside_it_counts(tmp_path: Path) -> None:
     assert reference(path).digest() != digest and reference(path).load() == 25
 
 
+def test_files_of_two_folders_have_their_own_modules_of_one_name(tmp_path: Path) -> None:
+    for size in (1, 2):
+        folder = tmp_path / f"variant{size}"
+        (folder / "parts_of_mine").mkdir(parents=True)
+        write(folder, f"SIZE = {size}", "size_of_mine.py")
+        write(folder / "parts_of_mine", "from size_of_mine import SIZE", "__init__.py")
+        write(folder / "parts_of_mine", f"DEPTH = {10 * size}", "depth.py")
+        write(folder, "from parts_of_mine import SIZE, depth\nVALUE = SIZE, depth.DEPTH")
+    first, second = (reference(str(tmp_path / f"variant{size}" / "mine.py")) for size in (1, 2))
+    assert first.load() == (1, 10) and second.load() == (2, 20) and first.load() == (1, 10)
+    digests = first.digest(), second.digest()
+    write(tmp_path / "variant1", "SIZE = 7", "size_of_mine.py")
+    assert first.load() == (7, 10) and second.load() == (2, 20)
+    assert first.digest() != digests[0] and second.digest() == digests[1]
+
+
 def test_a_pinned_file_stays_what_it_was(tmp_path: Path) -> None:
     path = write(tmp_path, "VALUE = 1")
     reference(path).load()
