@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from layoutexplore.closed_doors.prediction import predict_closed_rooms
-from layoutexplore.errors import ConfigError, MapError, checks_arguments
+from layoutexplore.errors import ConfigError, MapError, checks_arguments, counted
 from layoutexplore.files import write_atomically
 from layoutexplore.grids.arrays import Mask, check_alike
 from layoutexplore.grids.grid import FREE, OccupancyGrid
@@ -149,8 +149,8 @@ def held_out_groups(triples: Sequence[Triple], folds: int) -> int:
     count = len({building_of(t.building, "closed doors") for t in triples})
     if folds < 2 or count < 2:
         raise ConfigError(
-            f"to hold buildings out takes two folds and two buildings at least: got {folds} for {count} "
-            "building(s)"
+            "to hold buildings out takes two folds and two buildings at least: got "
+            f"{counted(folds, 'fold')} and {counted(count, 'building')}"
         )
     return min(folds, count)
 
