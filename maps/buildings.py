@@ -19,7 +19,10 @@ _FLOOR = {
     "geojson": re.compile(
         r"(^|[-_ ])(floor|level|og|ug|eg|gf)[-_ ]?-?\d+$"
         r"|(^|[-_ ])((floor|level)[-_ ]?)?(gf|eg)$"
-        r"|[-_ ]\d+([-_. ]*(og|ug))?$",
+        r"|(^|[-_ ])((kg|dg|[ub]\d+)|(ground|first|second|third|fourth)[-_ ]floor)$"
+        r"|[-_ ]\d{1,2}[-_. ]*(og|ug)$"
+        # A number alone is that of a floor, unless it is that of a building.
+        r"|(?<!building)(?<!bldg)(?<!(?<![a-z])haus)(?<!(?<![a-z])house)(?<!block)[-_ ]\d{1,2}$",
         re.IGNORECASE,
     ),
     "kth": re.compile(r"_PLAN\d+$"),
@@ -49,8 +52,8 @@ def building_of(name: str, kind: NameKind) -> str:
         ('', 'battle')
         >>> building_of("rock_island_ground_floor", "school"), building_of("50010535_PLAN2", "kth")
         ('rock_island', '50010535')
-        >>> [building_of(name, "geojson") for name in ("house-floor-gf", "house_2", "house 1.OG", "floor-1")]
-        ['house', 'house', 'house', '']
+        >>> [building_of(name, "geojson") for name in ("hall-floor-gf", "hall 1.OG", "hall_2", "house_2")]
+        ['hall', 'hall', 'hall', 'house_2']
     """
     if kind == "painted rooms":
         words = [w for w in re.findall(r"[a-z]+|\d+", name.lower()) if w not in _FILLERS]

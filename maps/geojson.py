@@ -159,10 +159,11 @@ def _is_marked(data: dict[str, Any]) -> bool:
 
 
 def _is_own_part(properties: dict[str, Any]) -> bool:
-    """Whether a feature is a room or door as this format has them."""
+    """Whether a feature is a room, a door or passages as this format has them."""
     kind, number = properties.get("kind"), properties.get("id")
     is_number = isinstance(number, (int, float)) and not isinstance(number, bool)
-    return (kind == "room" and is_number) or (kind == "door" and isinstance(properties.get("rooms"), list))
+    is_door = kind == "door" and isinstance(properties.get("rooms"), list)
+    return (kind == "room" and is_number) or is_door or kind == "passages"
 
 
 def _text(data: dict[str, Any], key: str, where: str) -> str:

@@ -6,9 +6,8 @@ An `index.csv` in their folder may give the scale of each (`file`, `m_per_px`).
 from __future__ import annotations
 
 import hashlib
-import math
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from layoutexplore.files.images import Levels, read_levels
 from layoutexplore.files.reading import is_file
 from layoutexplore.grids.arrays import Ints32, Mask
 from layoutexplore.grids.grid import OccupancyGrid
-from layoutexplore.grids.ros_map import load_grid, read_image
+from layoutexplore.grids.ros_map import RESOLUTIONS, load_grid, read_image
 from layoutexplore.maps.buildings import building_of
 
 TRUTH_SUFFIX = "_gt"
@@ -87,7 +86,7 @@ def find_cases(
         found.setdefault(folder.resolve(), pairs)
     cases = []
     for here, (folder, pairs) in zip(_told_apart([*found]), found.items(), strict=True):
-        scales = read_scales(folder / INDEX)
+        scales = read_scales(folder / INDEX, [image.name for image, _ in pairs])
         for image, truth in pairs:
             name, known = image.stem, buildings or {}
             names = (f"{here}/{name}", f"{folder.name}/{name}", name)
@@ -137,33 +136,36 @@ def _digest(image: Path) -> bytes:
 
 
 @checks_arguments
-def read_scales(index: Path) -> dict[str, float]:
+def read_scales(index: Path, names: Collection[str]) -> dict[str, float]:
     """Metres a pixel by the name of the file, as far as an index of maps says it; nothing without an index.
 
     Args:
         index: CSV with the columns `file` and `m_per_px`, which may be empty; one of other columns says none.
+        names: Of the files that are asked for.
 
     Raises:
-        MapError: It cannot be read, or a scale is no number above 0.
+        MapError: It cannot be read, or a scale that is asked for is none.
     """
     if not is_file(index):
         return {}
     header, *lines = read_csv(index, error=MapError, what="index of maps") or [[]]
-    if not {"file", "m_per_px"} <= {*header}:
+    columns = [column.strip().lower() for column in header]
+    if not {"file", "m_per_px"} <= {*columns}:
         return {}
-    name, scale = header.index("file"), header.index("m_per_px")
+    name, scale = columns.index("file"), columns.index("m_per_px")
     out = {}
     for line in lines:
-        if len(line) != len(header):
-            raise MapError(f"{index}: a line of {len(line)} values under a header of {len(header)}")
-        if not line[scale]:
+        cells = [cell.strip() for cell in line]
+        if len(cells) <= name or cells[name] not in names or not "".join(cells[scale : scale + 1]):
             continue
         try:
-            out[line[name]] = float(line[scale])
+            out[cells[name]] = float(cells[scale])
         except ValueError:
-            raise MapError(f"{index}: m_per_px of {line[name]} is no number: {line[scale]!r}") from None
-        if not 0 < out[line[name]] < math.inf:
-            raise MapError(f"{index}: m_per_px of {line[name]} must be above 0")
+            raise MapError(f"{index}: m_per_px of {cells[name]} is no number: {cells[scale]!r}") from None
+        if not RESOLUTIONS[0] <= out[cells[name]] <= RESOLUTIONS[1]:
+            raise MapError(
+                f"{index}: m_per_px of {cells[name]} must be from {RESOLUTIONS[0]:g} to {RESOLUTIONS[1]:g}"
+            )
     return out
 
 
@@ -176,8 +178,7 @@ def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, Ints32, Mas
         resolution: Metres a pixel where the map's folder does not say it.
 
     Raises:
-        MapError: An image cannot be read, no room is painted, the two differ in size, or most of the free
-            space is darker than what counts as free.
+        MapError: An image cannot be read, no room is painted, or the two differ in size.
     """
     grid = load_grid(case.image, resolution=case.resolution or resolution)
     truth = truth_labels(read_levels(case.truth))[::-1]
@@ -189,13 +190,18 @@ def read_case(case: Case, resolution: float) -> tuple[OccupancyGrid, Ints32, Mas
     if truth.shape != grid.shape:
         raise MapError(f"{case.truth}: {truth.shape} pixels, but the map has {grid.shape}")
     free = read_image(case.image)[0][::-1] >= FREE_FROM
+    return grid, np.ascontiguousarray(truth), np.ascontiguousarray(free)
+
+
+@checks_arguments
+def check_bright(case: Case, grid: OccupancyGrid, free: Mask) -> None:
+    """Raise `MapError` where most of a map's free space is darker than what counts as free in scores."""
     counted, known = (int(np.count_nonzero(mask)) for mask in (free & grid.free, grid.free))
     if 2 * counted < max(known, 1):
         raise MapError(
             f"{case.image}: a pixel counts as free from grey {FREE_FROM} on, and only {counted} of {known} "
             "free ones are that bright: paint free space 254, occupied 0 and unknown 205"
         )
-    return grid, np.ascontiguousarray(truth), np.ascontiguousarray(free)
 
 
 def truth_labels(image: Levels) -> Ints32:
@@ -216,7 +222,8 @@ def truth_labels(image: Levels) -> Ints32:
             "a truth image has 8 or 16 bit and one to four channels, "
             f"got {image.dtype} of shape {image.shape}"
         )
-    is_numbered = image.dtype == np.uint16 and image.ndim == 2
+    # Levels that are all multiples of 257 are those of 8 bit, written with 16.
+    is_numbered = image.dtype == np.uint16 and image.ndim == 2 and bool((image % 257).any())
     if image.dtype == np.uint16 and not is_numbered:
         image = image // 257
     channels = image[..., None] if image.ndim == 2 else image[..., :3]

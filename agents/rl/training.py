@@ -31,7 +31,9 @@ from layoutexplore.agents.rl.maskable_policy import FrontierPolicy
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.ppo.algorithm import FrontierPPO
 from layoutexplore.agents.rl.run import TrainingRun, Watcher
+from layoutexplore.envs.curriculum import PlanSampler
 from layoutexplore.errors import ConfigError, cause
+from layoutexplore.options import from_table
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"maskable-ppo": FrontierPPO, "ppo": PPO, "dqn": DQN}
 
@@ -129,11 +131,20 @@ class Run(TrainingRun):
                 self.progress.imitated = True
         self.save()
 
+    @property
+    def _every(self) -> int:
+        """Steps from checkpoint to checkpoint, at which plans grow if they do."""
+        every = self.config.checkpoint_every
+        plans = from_table(PlanSampler, self.config.generator, "[generator]")
+        if not (plans.first_area and plans.growth):
+            return every
+        return max(1, min(every, round(0.1 * plans.growth * self.config.steps)))
+
     def _stretch(self) -> None:
         """Learn until the next checkpoint."""
         config, progress = self.config, self.progress
         began = time.monotonic()
-        target = min(config.steps, (progress.steps // config.checkpoint_every + 1) * config.checkpoint_every)
+        target = min(config.steps, (progress.steps // self._every + 1) * self._every)
         self.model.set_random_seed(
             int(np.random.SeedSequence([config.seed, progress.steps]).generate_state(1)[0] >> 1)
         )

@@ -144,10 +144,9 @@ class VectorAdapter(VecEnv):
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Set an attribute of some environments to one value; without indices, of all."""
         chosen = set(self._get_indices(indices))
-        if len(chosen) < self.num_envs:
-            before = self.env.get_attr(attr_name)
-            value = [value if k in chosen else before[k] for k in range(self.num_envs)]
-        self.env.set_attr(attr_name, value)
+        kept = self.env.get_attr(attr_name) if len(chosen) < self.num_envs else ()
+        values = [value if k in chosen else kept[k] for k in range(self.num_envs)]
+        self.env.set_attr(attr_name, values)
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """None is wrapped."""

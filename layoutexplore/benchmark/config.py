@@ -59,7 +59,8 @@ class BenchmarkConfig:
         lidars: Own sensors by name.
         simulation: How to simulate; its `sensor` is replaced by each of `sensors`.
         explain: Ask copies of agents with a predictor beside every decision what they would choose without
-            it, and with the true rooms. It changes no run and more than doubles the time of theirs.
+            it, and with the true rooms. It changes no run of those that keep what they remember in
+            themselves, and more than doubles the time of theirs.
         cell_seconds: A run that takes longer fails; 0 for as long as it takes.
         cell_mb: So does one that takes more memory than this beside what its process has; 0 for any.
         tries: A run whose worker is killed is made so often before it fails.
@@ -107,7 +108,7 @@ class BenchmarkConfig:
             raise ConfigError(f"again must be a list, got {shortened(self.again)}")
         for name in self.again:
             if name not in self.agents:
-                raise unknown_name("agent of this benchmark", shortened(name), self.agents)
+                raise unknown_name("agent of this benchmark", str(name), self.agents)
         check(self, starts=STARTS, seed=SEED, explain=FLAG, tries=COUNT, cell_seconds=LIMIT, cell_mb=LIMIT)
         for name in self.sensors:
             if name not in self.lidars and name not in SENSORS:

@@ -6,7 +6,8 @@ agent chooses otherwise with the layout than without it; *misled* is one in whic
 with the true rooms. Why it was misled is asked too: do the true classes alone set it right, the true areas
 alone, only both, or only the true rooms themselves?
 
-Copies of the agent answer, with the random numbers that it had itself. Where one cannot, nothing is noted.
+Copies of the agent answer, with the random numbers that it had itself. Where one cannot, nothing is noted;
+what one keeps elsewhere, in its class or module, is not copied.
 """
 
 from __future__ import annotations

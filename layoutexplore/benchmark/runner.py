@@ -114,8 +114,8 @@ class Outcome:
 
     @property
     def failed(self) -> list[Row]:
-        """Runs that ended in an error."""
-        return [row for row in self.rows if row.error]
+        """Runs of this call that ended in an error."""
+        return [row for row in self.asked if row.error]
 
 
 @checks_arguments

@@ -365,7 +365,7 @@ def open_results(
         if not config.baseline:
             wanted["baseline"] = old["baseline"]
         wanted = merge_manifests(old, wanted, path, extend=extend, renewed={*config.again, *failed})
-        folder.drop(config.again)  # before it is noted that they come from other code
+        folder.drop({*config.again, *failed})  # before it is noted that they come from other code
     write_atomically(path / "run.toml", to_toml(wanted))
     return folder
 

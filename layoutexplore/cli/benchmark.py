@@ -243,7 +243,9 @@ def run_with_progress(
             )
             return dataclasses.replace(outcome, rows=outcome.asked) if shared else outcome
     except KeyboardInterrupt:
-        console.print(f"\nStopped. What is finished is in {out}: the same command continues.", soft_wrap=True)
+        without = " without --again" if settings.again else ""
+        text = f"\nStopped. What is finished is in {out}: the same command{without} continues."
+        console.print(text, soft_wrap=True)
         raise typer.Exit(128 + (asked_to_stop() or 2)) from None
 
 

@@ -21,6 +21,7 @@ from layoutexplore.layout.merging.merge_tree.cut import MergingModels
 from layoutexplore.layout.merging.method import MergingConfig, reconstruct_with
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps import load_plan
+from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.training.folds import Progress, check_folds, deal_folds, silent
 from layoutexplore.training.map_noise.examples import POLYGONAL, polygonal_examples, weathered_pairs
@@ -142,9 +143,9 @@ def _score_parts(
     for seed in range(config.seeds):
         for fold, part in enumerate(parts):
             training = MergingTrainingConfig(seed=seed, kind_weights=config.weights)
-            held = {case.building for case in part.held}
-            strange = {e.kind for e in [*(e for e, _ in simulated), *polygonal]} - held
-            strange -= {plan for plan, building in of_plan.items() if building in held}
+            held = {_plainly(case.building) for case in part.held}
+            kinds = {e.kind for e in [*(e for e, _ in simulated), *polygonal]}
+            strange = {kind for kind in kinds if not held & of_plan.get(kind, {_plainly(kind)})}
             models = train_all_models(
                 part.recorded,
                 [pair for pair in simulated if pair[0].kind in strange],
@@ -163,13 +164,18 @@ def _score_parts(
                 yield (case, replace(row, source=config.source_of(case), fold=fold, seed=seed), layout.labels)
 
 
-def _buildings_of(plans: Sequence[str]) -> dict[str, str]:
-    """The building of each plan by the plan's name; those that cannot be read are not simulated from."""
-    found = {}
+def _plainly(building: str) -> str:
+    """A building's name as maps with painted rooms have it."""
+    return building_of(building, "painted rooms") or building.lower()
+
+
+def _buildings_of(plans: Sequence[str]) -> dict[str, set[str]]:
+    """By a plan's name what it may be a map of; those that cannot be read are not simulated from."""
+    found: dict[str, set[str]] = {}
     for source in plans:
         try:
             plan = load_plan(source)
         except LayoutExploreError:
             continue
-        found[plan.name] = plan.building
+        found.setdefault(plan.name, {_plainly(plan.name)}).add(_plainly(plan.building))
     return found

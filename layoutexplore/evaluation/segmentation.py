@@ -21,7 +21,7 @@ from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
-from layoutexplore.maps.painted_rooms import Case, read_case
+from layoutexplore.maps.painted_rooms import Case, check_bright, read_case
 from layoutexplore.metrics.segmentation import MEASURES, score_segmentation
 from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_mean
 from layoutexplore.options import JOBS
@@ -77,6 +77,7 @@ def score_case(
         run: What to run instead of the method of that name.
     """
     grid, truth, free = read_case(case, resolution)
+    check_bright(case, grid, free)
     if method in CLASSIC:
         grid = OccupancyGrid(
             np.where(free, FREE, np.where(grid.free, UNKNOWN, grid.cells)).astype(np.int8), grid.resolution

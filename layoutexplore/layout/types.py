@@ -327,8 +327,9 @@ class Layout:
     @property
     def free_areas(self) -> dict[int, float]:
         """By id of a room the square metres of its free cells, without walls and what stands in it."""
-        cells = np.bincount(self.labels[self.clean_grid.free], minlength=1) * self.clean_grid.resolution**2
-        return {room.id: float(cells[room.id]) if room.id < len(cells) else 0.0 for room in self.rooms}
+        ids, counts = np.unique(self.labels[self.clean_grid.free], return_counts=True)
+        cells = dict(zip(ids.tolist(), counts.tolist(), strict=True))
+        return {room.id: cells.get(room.id, 0) * self.clean_grid.resolution**2 for room in self.rooms}
 
     @property
     def seconds(self) -> float:

@@ -153,7 +153,7 @@ def _code(thing: Any, seen: set[int]) -> Iterator[str]:
         return
     function: FunctionType = getattr(thing, "py_func", thing)
     yield _source(function)
-    yield repr(function.__defaults__) + repr(function.__kwdefaults__)
+    yield from _state([function.__defaults__, function.__kwdefaults__], seen)
     for name in _names(function.__code__):
         value = function.__globals__.get(name)
         if _reaches(value, function.__module__):
@@ -176,7 +176,9 @@ def _source(function: FunctionType) -> str:
 
 
 def _instructions(code: CodeType) -> str:
-    constants = [_instructions(c) if isinstance(c, CodeType) else repr(c) for c in code.co_consts]
+    constants = [
+        _instructions(c) if isinstance(c, CodeType) else " ".join(_state(c, set())) for c in code.co_consts
+    ]
     return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants}"
 
 

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from layoutexplore.errors import ConfigError, OwnCodeError, unknown_name
 from layoutexplore.files.reading import read_bytes
-from layoutexplore.plugins.code_digest import digest_of_files, files_of
+from layoutexplore.plugins.code_digest import digest_of_files, files_of, own_file
 from layoutexplore.plugins.tracebacks import told
 
 _FILE = re.compile(r"(?P<place>[^=]*?\.py):(?P<name>[A-Za-z_]\w*)(?=:|$)")
@@ -119,6 +119,8 @@ class Reference(NamedTuple):
         stays = there and (there.digest == pin.digest if pin else load is _import or there.is_current)
         if there is None or not stays:
             there = _loaded[key] = load(key, there, pin.files if pin else {})
+        elif load is _execute:
+            _look_beside(Path(key).parent)  # It may import more while it runs.
         _places[self.place] = key
         if pin and there.digest != pin.digest:
             raise OwnCodeError(f"{self.place} has changed since the benchmark began: give the command again")
@@ -250,14 +252,16 @@ def _look_beside(folder: Path) -> None:
         _folders.append(here)
     if here not in _folders:  # The user's own order stays.
         return
-    for name, module in list(sys.modules.items()):
-        file, top = getattr(module, "__file__", None), name.partition(".")[0]
-        if not isinstance(file, str) or not ((folder / f"{top}.py").is_file() or (folder / top).is_dir()):
-            continue
-        homes = {str(home) for home in Path(file).resolve().parents}
-        if here not in homes and homes.intersection(_folders):
-            del sys.modules[name]
     first = min(sys.path.index(other) for other in _folders if other in sys.path)
+    if sys.path[first] == here:
+        return
+    for name, module in list(sys.modules.items()):
+        file = own_file(module) if isinstance(module, ModuleType) else None
+        homes = {str(home) for home in file.parents} if file else set()
+        top = name.partition(".")[0]
+        is_beside = (folder / f"{top}.py").is_file() or (folder / top).is_dir()
+        if here not in homes and homes.intersection(_folders) and is_beside:
+            del sys.modules[name]
     sys.path.remove(here)
     sys.path.insert(first, here)
 

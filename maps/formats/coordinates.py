@@ -117,7 +117,8 @@ def in_metres(
         shapes: All of the file: together they show whether they are in degrees.
         path: The file, for messages.
         crs: The coordinate system that it declares; "" for none.
-        unit: Metres of what it measures in; the projected are as many times as large. 1 when None.
+        unit: Metres of what it measures in, Web Mercator as well; degrees, which are projected, are as many
+            times as large. 1 when None.
 
     Raises:
         MapError: They measure in feet and no unit is given, or are no building in metres or degrees; the
@@ -129,7 +130,7 @@ def in_metres(
     everything = shapely.GeometryCollection(list(shapes))
     degrees = looks_geographic(everything)
     measure = measure_of(crs)
-    if degrees or measure == "mercator":
+    if degrees or (measure == "mercator" and unit is None):
         shapes = _projected(shapes, path, "" if degrees else crs)
     elif unit is None:
         _check_unit(everything, path, crs, measure)

@@ -49,8 +49,12 @@ LONGEST_DOOR = 10.0
 """Metres; longer lines are no doors."""
 
 _LONGEST_NAME = 1000
-_NO_BUILDINGS = ("yes", "true")
-"""Values of `building` in OpenStreetMap, which say that there is one."""
+_NO_BUILDINGS = (
+    *("yes", "no", "true", "false", "apartments", "church", "civic", "college", "commercial", "dormitory"),
+    *("hospital", "hotel", "house", "industrial", "kindergarten", "office", "public", "residential"),
+    *("retail", "school", "train_station", "transportation", "university", "warehouse"),
+)
+"""Values of `building` in OpenStreetMap, which say that there is one or of what kind."""
 
 
 class _Part(NamedTuple):
@@ -142,8 +146,9 @@ def has_areas(data: Any) -> bool:
 
 def _building(data: Mapping[str, Any], parts: list[_Part], path: Path) -> str:
     """The building that a file is a floor of: as it says, else as all its rooms say, else by its name."""
-    of_rooms = {str(part.properties.get("building") or "") for part in parts if _is_room(part)}
-    for told in (data.get("building"), of_rooms.pop() if len(of_rooms) == 1 else ""):
+    told_by_rooms = [part.properties.get("building") for part in parts if _is_room(part)]
+    is_same = bool(told_by_rooms) and all(told == told_by_rooms[0] for told in told_by_rooms)
+    for told in (data.get("building"), told_by_rooms[0] if is_same else ""):
         name = str(told) if told and isinstance(told, (str, int, float)) else ""
         if 0 < len(name) <= _LONGEST_NAME and name.lower() not in _NO_BUILDINGS:
             return name

@@ -21,7 +21,7 @@ from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.layout.export import layout_to_geojson
 from layoutexplore.layout.pipeline import METHOD_MODULES, layout_method, reconstruct
-from layoutexplore.layout.types import OUTSIDE, Layout
+from layoutexplore.layout.types import OUTSIDE, Layout, LayoutRoom
 
 PAGES = Path(__file__).parents[2] / "layoutexplore" / "documentation" / "pages"
 LAYOUTS = (PAGES / "concepts" / "layouts.md").read_text()
@@ -177,3 +177,11 @@ def test_options_that_make_no_sense_are_named(method: str, value: object) -> Non
         if value != option.default:
             with pytest.raises(ConfigError, match=f"{option.name} must be"):
                 reconstruct(EMPTY, method, {option.name: value})
+
+
+def test_free_areas_of_labels_of_any_kind() -> None:
+    cells = np.zeros((2, 3), np.int8)
+    labels = np.array([[-1, 1, 1], [-1, 2**31 - 1, 1]], np.int32)
+    room = LayoutRoom(id=1, polygon=shapely.box(0, 0, 1, 1))
+    layout = Layout(method="mine", clean_grid=OccupancyGrid(cells, 0.5), labels=labels, rooms=(room,))
+    assert layout.free_areas == {1: 0.75}

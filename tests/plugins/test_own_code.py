@@ -59,6 +59,25 @@ def test_files_of_two_folders_have_their_own_modules_of_one_name(tmp_path: Path)
     assert first.digest() != digests[0] and second.digest() == digests[1]
 
 
+def test_what_is_imported_late_is_that_beside_the_file_loaded_last(tmp_path: Path) -> None:
+    for size in (1, 2):
+        folder = tmp_path / f"late{size}"
+        folder.mkdir()
+        write(folder, f"SIZE = {size}", "late_size_of_mine.py")
+        write(folder, "def VALUE():\n    import late_size_of_mine\n    return late_size_of_mine.SIZE")
+    first, second = (reference(str(tmp_path / f"late{size}" / "mine.py")) for size in (1, 2))
+    assert [one.load()() for one in (first, second, first, second)] == [1, 2, 1, 2]
+
+
+def test_installed_packages_stay_where_a_folder_has_their_name(tmp_path: Path) -> None:
+    (tmp_path / "one").mkdir()
+    (tmp_path / "two" / "numpy").mkdir(parents=True)
+    installed = sys.modules["numpy"]
+    for name in ("one", "two"):
+        path = write(tmp_path / name, "import numpy\nVALUE = numpy.pi")
+        assert reference(path).load() > 3.0 and sys.modules["numpy"] is installed
+
+
 def test_a_pinned_file_stays_what_it_was(tmp_path: Path) -> None:
     path = write(tmp_path, "VALUE = 1")
     reference(path).load()

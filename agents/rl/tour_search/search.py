@@ -240,7 +240,8 @@ def read_explorations(path: str | os.PathLike[str], members: int) -> list[Explor
 def explore_group(config: TrainingConfig, group: int, tours: list[TourConfig]) -> list[tuple[float, float]]:
     """Explore one floor plan from one start by several tours: the metres to 95 and to 99 % of each."""
     rng = np.random.default_rng([config.seed, 0, group])
-    _, plan = PlanSource(plan_source(config)).draw(rng)
+    done = min(1.0, group * len(tours) / config.steps)  # The plans may grow with it.
+    _, plan = PlanSource(plan_source(config)).draw(rng, done)
     simulation_config = Randomisation(sensors=config.sensors).draw(rng, SimulationConfig())
     simulation = Simulation(plan, simulation_config, _predictor(config.predictor))
     seed = int(rng.integers(2**31))

@@ -41,10 +41,10 @@ def describe_folders(folders: Sequence[Path], resolution: float) -> tuple[Floats
     for folder in folders:
         if not folder.is_dir():
             raise MapError(f"{folder}: no such folder")
-        scales = read_scales(folder / INDEX)
         maps = [path for path in sorted(folder.glob("*.png")) if not path.stem.endswith(_NOT_MAPS)]
         if not maps:
             raise MapError(f"{folder}: no map NAME.png inside this folder")
+        scales = read_scales(folder / INDEX, [path.name for path in maps])
         for path in maps:
             scale = scales.get(path.name, resolution)
             found.append(describe_grid(load_grid(path, resolution=scale).cells, scale))

@@ -303,3 +303,13 @@ def test_plans_grow_with_the_steps_done(tmp_path: Path, monkeypatch: pytest.Monk
     train(config, tmp_path / "run")
     assert told[0] == 0.0 and len(told) > 1
     assert told == sorted(told) and told[-1] < 1.0
+
+
+def test_plans_that_grow_do_so_also_between_far_checkpoints(tmp_path: Path) -> None:
+    config = small_config(tmp_path)
+    whole = dataclasses.replace(config, steps=1000, checkpoint_every=800)
+    growing = dataclasses.replace(whole, generator={**config.generator, "first_area": 150.0, "growth": 0.5})
+    for one, every in ((whole, 800), (growing, 50)):
+        run = Run(one, tmp_path / f"every{every}", device="cpu", resume=False, watcher=Silent())
+        assert run._every == every
+        run.envs.close()

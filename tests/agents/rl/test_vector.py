@@ -45,5 +45,7 @@ def test_some_environments_are_asked_and_changed(tmp_path: Path) -> None:
     envs.set_attr("progress", 0.5)
     envs.set_attr("progress", 0.25, indices=0)
     assert envs.get_attr("progress") == [0.25, *[0.5] * (envs.num_envs - 1)]
+    envs.set_attr("kept", (1.0, 2.0))
+    assert envs.get_attr("kept") == [(1.0, 2.0)] * envs.num_envs
     assert envs.get_attr("progress", indices=[0]) == [0.25] and envs.env_is_wrapped(object, [0]) == [False]
     envs.close()

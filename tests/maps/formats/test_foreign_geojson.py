@@ -271,18 +271,20 @@ def test_floors_of_a_building_name_it(tmp_path: Path) -> None:
         ("Annex", ["a", "b"], "Annex"),
         (7, ["a", "a"], "7"),
         (None, ["Annex", "Annex"], "Annex"),
-        (None, ["a", "b"], "house"),
-        (None, ["Annex", None], "house"),
-        (None, ["yes", "yes"], "house"),
-        (["x"], [None, None], "house"),
-        ("x" * 2000, [None, None], "house"),
+        (None, ["a", "b"], "hall"),
+        (None, ["Annex", None], "hall"),
+        (None, ["yes", "yes"], "hall"),
+        (["x"], [None, None], "hall"),
+        (None, ["university", "university"], "hall"),
+        (None, [{"a": 1}, {"a": 1}], "hall"),
+        ("x" * 2000, [None, None], "hall"),
     ],
 )
 def test_a_building_that_is_named_comes_first(
-    tmp_path: Path, whole: Any, rooms: list[str | None], building: str
+    tmp_path: Path, whole: Any, rooms: list[Any], building: str
 ) -> None:
     left, right = ((shape, {"building": name}) for (shape, _), name in zip(ROOMS[:2], rooms, strict=True))
-    path = write(tmp_path, left, right, name="house-1")
+    path = write(tmp_path, left, right, name="hall-1")
     path.write_text(json.dumps({**json.loads(path.read_text()), "building": whole}))
     assert load_plan(path).building == building
 
