@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -21,8 +20,9 @@ from layoutexplore.maps import expand_plans, load_plan
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.painted_rooms import find_cases
 from layoutexplore.training.folds import check_folds, deal_folds
-from layoutexplore.training.merging_examples import SIMULATED, Example
-from layoutexplore.training.room_merging import MergingTrainingConfig, first_forest
+from layoutexplore.training.merging_examples import SIMULATED
+from layoutexplore.training.room_merging import first_forest
+from tests.evaluation.cases import watch_merging_trainings
 from tests.maps.cases import share_reached
 
 runner = CliRunner()
@@ -223,25 +223,16 @@ def test_a_source_is_scored_without_its_maps_and_its_buildings(
         (tmp_path / folder).mkdir()
         for n, name in enumerate(names):
             draw(tmp_path / folder, name, 82 + 8 * k + 4 * n)
-    learnt: list[set[tuple[str, str]]] = []
-
-    def spy(
-        recorded: Sequence[Example],
-        simulated: Sequence[tuple[Example, Example]],
-        polygonal: Sequence[Example],
-        config: MergingTrainingConfig,
-    ) -> MergingModels:
-        assert not polygonal
-        assert all(example.building == SIMULATED for pair in simulated for example in pair)
-        learnt.append({(e.kind.split(",")[0], e.building) for e in recorded})
-        return MergingModels(first_forest())
-
-    monkeypatch.setattr("layoutexplore.evaluation.cross_validation.train_all_models", spy)
+    trainings = watch_merging_trainings(monkeypatch)
     command = ["evaluate", "segmentation", *(str(tmp_path / folder) for folder in drawn)]
     options = ["--leave-out", "source", "--source", "survey_full=survey", "--simulated", "2"]
     numbers = tmp_path / "numbers.json"
     result = runner.invoke(app, [*command, *options, "--json", str(numbers)])
     assert result.exit_code == 0, result.output
+    for one in trainings:
+        assert not one.polygonal
+        assert all(example.building == SIMULATED for pair in one.simulated for example in pair)
+    learnt = [{(e.kind.split(",")[0], e.building) for e in one.recorded} for one in trainings]
     # the tower is of both sources, so that no map of it is trained on for either
     assert learnt == [{("clutter", "mill")}, {("survey", "barn")}]
     data = json.loads(numbers.read_text())

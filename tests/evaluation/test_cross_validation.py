@@ -2,34 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from layoutexplore.evaluation.cross_validation import CrossValidationConfig, cross_validate_merging
-from layoutexplore.layout.merging.merge_tree.cut import MergingModels
 from layoutexplore.maps.painted_rooms import find_cases
-from layoutexplore.training.merging_examples import Example
-from layoutexplore.training.room_merging import MergingTrainingConfig, first_forest
+from tests.evaluation.cases import LearntFrom, watch_merging_trainings
 from tests.maps.test_painted_rooms import paint
+
+
+def told(learnt: LearntFrom) -> tuple[set[str], set[str]]:
+    """The buildings of the recorded maps, and the plans of the simulated ones."""
+    return {e.building for e in learnt.recorded}, {e.kind for pair in learnt.simulated for e in pair}
 
 
 def test_simulated_maps_of_a_building_that_is_held_out_are_not_learnt_from(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    learnt: list[tuple[set[str], set[str]]] = []
-
-    def spy(
-        recorded: Sequence[Example],
-        simulated: Sequence[tuple[Example, Example]],
-        polygonal: Sequence[Example],
-        config: MergingTrainingConfig,
-    ) -> MergingModels:
-        learnt.append(({e.building for e in recorded}, {e.kind for pair in simulated for e in pair}))
-        return MergingModels(first_forest())
-
-    monkeypatch.setattr("layoutexplore.evaluation.cross_validation.train_all_models", spy)
+    learnt = watch_merging_trainings(monkeypatch)
     for k, name in enumerate(("flat", "barn")):
         paint(tmp_path, name, 40 + 4 * k)
     cases = find_cases([tmp_path], {"flat": "apartment-01"})
@@ -38,7 +29,7 @@ def test_simulated_maps_of_a_building_that_is_held_out_are_not_learnt_from(
     )
     scored = {case.building: row.fold for case, row, _ in cross_validate_merging(cases, config)}
     assert set(scored) == {"apartment-01", "barn"}
-    recorded, simulated = learnt[scored["apartment-01"]]
+    recorded, simulated = told(learnt[scored["apartment-01"]])
     assert recorded == {"barn"} and simulated and "apartment-01" not in simulated
-    recorded, simulated = learnt[scored["barn"]]
+    recorded, simulated = told(learnt[scored["barn"]])
     assert recorded == {"apartment-01"} and "apartment-01" in simulated

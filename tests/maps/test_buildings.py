@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 
 from layoutexplore.maps.buildings import building_of
 
-
 NUMBERED = ("building", "bldg", "haus", "house", "block")
 """Words before the number of a building."""
 

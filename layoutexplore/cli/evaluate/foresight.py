@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from layoutexplore.files import check_places
+
+if TYPE_CHECKING:
+    from layoutexplore.evaluation.foresight import ForesightScore
 
 HELP = (
     "Metres of plan-tour with foresight of 0, 1, 2, 3 and all doors, or of any predictor, over those of "
@@ -31,8 +35,6 @@ def foresight(
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
 ) -> None:
     """Measure what foresight is worth; `HELP` is what the command line says."""
-    import dataclasses
-
     from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.benchmark.config import BenchmarkConfig
     from layoutexplore.cli.benchmark import run_with_progress
@@ -63,14 +65,7 @@ def foresight(
     for row in outcome.failed:
         typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
     scores = score_foresight(outcome.rows, predictors)
-    rows = []
-    for score in scores:
-        line = dataclasses.asdict(score)
-        for key in ("d95", "d99"):
-            way = getattr(score, key)
-            line |= {key: way.estimate, f"{key}_low": way.low, f"{key}_high": way.high}
-        rows.append(line)
-    write_csv(out / "foresight.csv", rows)
+    write_csv(out / "foresight.csv", [_line(score) for score in scores])
     text = foresight_table(scores)
     if failed := failed_runs(outcome.rows):
         text += "\nFailed runs are in no figure above:\n\n" + "".join(f"- {line}\n" for line in failed)
@@ -78,3 +73,12 @@ def foresight(
     typer.echo(text + f"\nwritten: {out / 'foresight.md'} and {out / 'foresight.csv'}")
     if failed:
         raise typer.Exit(1)
+
+
+def _line(score: ForesightScore) -> dict[str, Any]:
+    """A line of the table, each interval as an estimate and its ends."""
+    line = dataclasses.asdict(score)
+    for key in ("d95", "d99"):
+        way = getattr(score, key)
+        line |= {key: way.estimate, f"{key}_low": way.low, f"{key}_high": way.high}
+    return line
