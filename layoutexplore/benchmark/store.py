@@ -40,8 +40,7 @@ from layoutexplore.benchmark.recording import (
     recording_to_arrays,
     to_arrays,
 )
-from layoutexplore.benchmark.rows import COLUMNS as COLUMNS
-from layoutexplore.benchmark.rows import Row, format_row, knows_the_plan, parse_row
+from layoutexplore.benchmark.rows import COLUMNS, Row, format_row, knows_the_plan, parse_row
 from layoutexplore.drawing.beliefs import SUFFIX
 from layoutexplore.errors import ResultsError, cause, checks_calls
 from layoutexplore.files import (

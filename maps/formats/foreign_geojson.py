@@ -79,7 +79,7 @@ def load_foreign_geojson(
         columns: What means what: "room" -> the property with a room's label, "kind" -> the one that says
             what a feature is, "width" -> the one with a door's width, in what the file measures in.
         data: What the file holds, where that is known already.
-        unit: Metres of what the file measures in; 1 when None. What is projected is as many times as large.
+        unit: Metres of what the file measures in, as `coordinates.in_metres` takes it; 1 when None.
 
     Raises:
         MapError: It holds no polygon, declares to be in feet while no unit is given, is not in metres or

@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 
 from layoutexplore.benchmark.analysis import compare
 from layoutexplore.benchmark.config import BenchmarkConfig
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import COLUMNS, Row
 from layoutexplore.benchmark.runner import run_benchmark
-from layoutexplore.benchmark.store import COLUMNS, ResultsFolder
+from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.documentation.site import PAGES
 from layoutexplore.drawing.labels import label_places
 from layoutexplore.errors import ResultsError

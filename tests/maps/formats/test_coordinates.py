@@ -103,3 +103,10 @@ def test_no_place_on_the_earth_and_nothing_at_all() -> None:
     with pytest.warns(MapWarning), pytest.raises(MapError, match="no size of a building"):
         in_metres([shapely.box(0, 0, 9e4, 9)], FILE, "EPSG:3857")
     assert in_metres([], FILE) == []
+
+
+def test_web_mercator_with_a_unit_is_taken_as_it_is() -> None:
+    hall = shapely.box(1_527_000, 6_622_000, 1_527_010, 6_622_020)
+    (found,) = in_metres([hall], Path("hall.geojson"), "EPSG:3857", 0.5)
+    width, height = np.diff(np.reshape(found.bounds, (2, 2)), axis=0)[0]
+    assert (width, height) == pytest.approx((5.0, 10.0))
