@@ -64,7 +64,8 @@ class BenchmarkConfig:
         cell_seconds: A run that takes longer fails; 0 for as long as it takes.
         cell_mb: So does one that takes more memory than this beside what its process has; 0 for any.
         tries: A run whose worker is killed is made so often before it fails.
-        again: Some of the agents: their runs that are in the folder are deleted and made anew.
+        again: Some of the agents: their runs of this benchmark that are in the folder are deleted and made
+            anew.
 
     Raises:
         ConfigError: A list is empty, has duplicates, or a value makes no sense.

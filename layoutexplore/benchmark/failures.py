@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 
 from layoutexplore.agents import AGENTS
-from layoutexplore.benchmark.rows import Row, format_row, parse_row
+from layoutexplore.benchmark.rows import Row, RunKey, format_row, parse_row
 from layoutexplore.benchmark.store import KEPT, ResultsFolder
 from layoutexplore.drawing.beliefs import SUFFIX
 from layoutexplore.errors import (
@@ -104,9 +104,7 @@ def repeating_command(
 
 
 def finished_rows(
-    folder: ResultsFolder,
-    say: Callable[[str], None],
-    anew: Collection[tuple[str, int, str, str]] = frozenset(),
+    folder: ResultsFolder, say: Callable[[str], None], anew: Collection[RunKey] = frozenset()
 ) -> list[Row]:
     """Rows of earlier runs that ended well and whose file is undamaged, and of others that failed.
 
@@ -121,7 +119,7 @@ def finished_rows(
         ResultsError: The table is none of this version, and no run's file holds its row.
     """
     rows, damage = _rows_of_table(folder)
-    good: dict[tuple[str, int, str, str], Row] = {}
+    good: dict[RunKey, Row] = {}
     for row in rows:
         path = folder.curve_path(row)
         if row.error and row.key not in anew:

@@ -6,7 +6,7 @@ import dataclasses
 import os
 import shlex
 import tomllib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -195,6 +195,16 @@ def _what_to_do(path: Path, fatal: list[str], grows: Callable[[str], bool]) -> s
     return (
         f"Choose another folder with --out, or delete {path} to start again; `layoutexplore benchmark` "
         f"{', and '.join(ways)}."
+    )
+
+
+def partly_again(agent: str, stale: Sequence[Path]) -> str:
+    """What is said where an agent has changed and is not to make all its runs again: those would be lost."""
+    names = ", ".join(f"{path.parent.name}/{path.stem}" for path in stale[:5])
+    more = f" and {len(stale) - 5} more" if len(stale) > 5 else ""
+    return (
+        f"{agent} has changed, and this call makes only a part of its runs again; these would be lost: "
+        f"{names}{more}. Give their plans, starts and sensors with --again, too, or choose another --out"
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.benchmark.rows import RunKey
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.maps.library import cached_plan
 from layoutexplore.simulation.config import SimulationConfig
@@ -76,7 +77,7 @@ class Task:
     agent: str
 
     @property
-    def key(self) -> tuple[str, int, str, str]:
+    def key(self) -> RunKey:
         """As `Row.key`."""
         return self.plan.name, self.start, self.sensor, self.agent
 

@@ -27,6 +27,9 @@ NAN = float("nan")
 
 _LARGEST = 1e15
 
+RunKey = tuple[str, int, str, str]
+"""What names a run: floor plan, start, sensor and agent."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Row:
@@ -119,7 +122,7 @@ class Row:
         return self.building or self.plan
 
     @property
-    def key(self) -> tuple[str, int, str, str]:
+    def key(self) -> RunKey:
         """What tells the runs of one benchmark apart."""
         return self.plan, self.start, self.sensor, self.agent
 

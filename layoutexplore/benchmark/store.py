@@ -30,8 +30,14 @@ from numpy.typing import NDArray
 
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.counterfactual import LOG, Counterfactual
-from layoutexplore.benchmark.manifest import changed_models, manifest_of, merge_manifests, read_manifest
-from layoutexplore.benchmark.plans import PlanEntry
+from layoutexplore.benchmark.manifest import (
+    changed_models,
+    manifest_of,
+    merge_manifests,
+    partly_again,
+    read_manifest,
+)
+from layoutexplore.benchmark.plans import PlanEntry, all_tasks
 from layoutexplore.benchmark.recording import (
     RECORDED,
     Recording,
@@ -40,7 +46,7 @@ from layoutexplore.benchmark.recording import (
     recording_to_arrays,
     to_arrays,
 )
-from layoutexplore.benchmark.rows import COLUMNS, Row, format_row, knows_the_plan, parse_row
+from layoutexplore.benchmark.rows import COLUMNS, Row, RunKey, format_row, knows_the_plan, parse_row
 from layoutexplore.drawing.beliefs import SUFFIX
 from layoutexplore.errors import ResultsError, cause, checks_calls
 from layoutexplore.files import (
@@ -170,12 +176,12 @@ class ResultsFolder:
 
     def curve_path(self, row: Row) -> Path:
         """Where the curve and track of a run lie."""
-        return (
-            self.path
-            / "runs"
-            / safe_name(row.plan)
-            / f"{safe_name(row.sensor)}-start{row.start}-{safe_name(row.agent)}.npz"
-        )
+        return self._path_of(row.key)
+
+    def _path_of(self, key: RunKey) -> Path:
+        plan, start, sensor, agent = key
+        name = f"{safe_name(sensor)}-start{start}-{safe_name(agent)}.npz"
+        return self.path / "runs" / safe_name(plan) / name
 
     def save_episode(self, row: Row, episode: Episode, recording: Recording | None = None) -> None:
         """Write a run's curve float32 (n, 2), its track float32 (m, 3), what the layout changed, a replay.
@@ -200,19 +206,21 @@ class ResultsFolder:
     def _failure_path(self, row: Row) -> Path:
         return self.curve_path(row).with_suffix(".error.txt")
 
-    def files_of(self, agent: str) -> list[Path]:
-        """The files of an agent's runs, of what they noted beside, and of what failed."""
-        endings = rf"(\.npz|{re.escape(SUFFIX)}|\.error\.txt)"
-        name = re.compile(rf".+-start\d+-{re.escape(safe_name(agent))}{endings}")
-        return [path for path in (self.path / "runs").glob("*/*") if name.fullmatch(path.name)]
+    def runs_of(self, agent: str, apart: Collection[RunKey] = ()) -> list[Path]:
+        """The files of an agent's runs that ended well, apart from some by their keys."""
+        name = re.compile(rf".+-start\d+-{re.escape(safe_name(agent))}\.npz")
+        others = set(map(self._path_of, apart))
+        found = (path for path in (self.path / "runs").glob("*/*.npz") if name.fullmatch(path.name))
+        return sorted(path for path in found if path not in others)
 
-    def drop(self, agents: Collection[str]) -> None:
-        """Delete all runs of some agents; those of others stay."""
-        for path in (path for agent in agents for path in self.files_of(agent)):
-            path.unlink(missing_ok=True)
-        if agents and self.table.exists():
+    def drop(self, keys: Collection[RunKey]) -> None:
+        """Delete the runs with the keys; all others stay."""
+        for path in map(self._path_of, keys):
+            for file in (path, path.with_suffix(SUFFIX), path.with_suffix(".error.txt")):
+                file.unlink(missing_ok=True)
+        if keys and self.table.exists():
             with contextlib.suppress(ResultsError):  # rows of a damaged table count only with their files
-                self.rewrite(row for row in self.rows() if row.agent not in agents)
+                self.rewrite(row for row in self.rows() if row.key not in keys)
 
     def episode(self, row: Row) -> tuple[Floats, Floats]:
         """The curve (n, 2) and track (m, 3) of a run.
@@ -348,7 +356,8 @@ def open_results(
         command: Noted in run.toml.
 
     Raises:
-        ResultsError: The folder holds another configuration, or is damaged.
+        ResultsError: The folder holds another configuration, is damaged, or holds runs of an agent that has
+            changed that are not to be made again.
     """
     folder, path = ResultsFolder(path), Path(path)
     wanted = manifest_of(config, plans, models, command)
@@ -360,11 +369,16 @@ def open_results(
     if (path / "run.toml").exists():
         old = folder.manifest()
         changed = changed_models(old, wanted)
-        failed = {a for a in changed if not any(file.suffix == ".npz" for file in folder.files_of(a))}
+        failed = {a for a in changed if not folder.runs_of(a)}
         if not config.baseline:
             wanted["baseline"] = old["baseline"]
-        wanted = merge_manifests(old, wanted, path, extend=extend, renewed={*config.again, *failed})
-        folder.drop({*config.again, *failed})  # before it is noted that they come from other code
+        renewed = {*config.again, *failed}
+        wanted = merge_manifests(old, wanted, path, extend=extend, renewed=renewed)
+        keys = {task.key for task in all_tasks(config, plans) if task.agent in renewed}
+        for agent in set(changed) & set(config.again):
+            if stale := folder.runs_of(agent, apart=keys):
+                raise ResultsError(partly_again(agent, stale))
+        folder.drop(keys)  # before it is noted that they come from other code
     write_atomically(path / "run.toml", to_toml(wanted))
     return folder
 

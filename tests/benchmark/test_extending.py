@@ -16,6 +16,7 @@ from layoutexplore.benchmark.store import KEPT, ResultsFolder
 from layoutexplore.cli import app
 from layoutexplore.errors import ResultsError, UnknownNameError
 from layoutexplore.files import to_toml
+from tests.benchmark.cases import timeless
 from tests.plugins.cases import AGENT, write
 
 BROKEN = AGENT.replace("return min(", "raise RuntimeError('broken')\n        return min(")
@@ -78,6 +79,32 @@ def test_the_runs_of_one_agent_are_made_again(plans: Path, tmp_path: Path) -> No
     assert run_benchmark(wanted, tmp_path / "out").ran == 0
     with pytest.raises(UnknownNameError, match="agent of this benchmark"):
         dataclasses.replace(wanted, again=("tour",))
+
+
+def test_runs_that_are_not_made_again_stay(plans: Path, tmp_path: Path) -> None:
+    """On another plan: as they are, or with an error where the agent has changed."""
+    mine, out = f"{write(tmp_path)}:Mine", tmp_path / "out"
+    both = dataclasses.replace(config(plans, mine), plans=(str(plans),))
+    before = run_benchmark(both, out)
+    part = dataclasses.replace(config(plans, mine), again=(mine,))
+    done = run_benchmark(part, out, extend=True)
+    assert done.ran == 1 and timeless(done.rows) == timeless(before.rows)
+    assert run_benchmark(both, out).ran == 0
+    write(tmp_path, CHANGED)
+    kept = contents(out), (out / "results.csv").read_bytes(), (out / "run.toml").read_bytes()
+    with pytest.raises(ResultsError, match="would be lost: house/stage-start0-"):
+        run_benchmark(part, out, extend=True)
+    assert kept == (contents(out), (out / "results.csv").read_bytes(), (out / "run.toml").read_bytes())
+    assert run_benchmark(dataclasses.replace(both, again=(mine,)), out).ran == 2
+
+
+def test_failures_elsewhere_of_an_agent_that_is_mended_stay(plans: Path, tmp_path: Path) -> None:
+    mine, out = f"{write(tmp_path, BROKEN)}:Mine", tmp_path / "out"
+    run_benchmark(dataclasses.replace(config(plans, mine), plans=(str(plans),)), out)
+    write(tmp_path)
+    done = run_benchmark(config(plans, mine), out, extend=True)
+    (failed,) = (row for row in done.rows if row.error)
+    assert done.ran == 1 and failed.plan == "house" and done.folder.failure(failed)
 
 
 def test_the_command_takes_agents_again(plans: Path, tmp_path: Path) -> None:
