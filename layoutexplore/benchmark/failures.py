@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import shlex
 import traceback
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 import cv2
@@ -25,6 +25,7 @@ from layoutexplore.errors import (
     ResultsError,
     cause,
     checks_arguments,
+    counted,
     shortened,
 )
 from layoutexplore.files import parse_csv, read_bytes, write_atomically
@@ -134,6 +135,7 @@ def finished_rows(
         if format_row(saved) != format_row(row):
             damage = damage or ResultsError(f"{folder.table}: the row of {shortened(saved.key)} is damaged")
         good[saved.key] = saved
+    _tell_lost(folder, say, [row for row in rows if not row.error and row.key not in good], anew)
     before = len(good)
     if damage or not rows:
         good |= {row.key: row for row in _rows_of_runs(folder, say) if row.key not in good}
@@ -144,6 +146,20 @@ def finished_rows(
         say(f"{damage}; {len(good) - before} rows were taken from runs/, the damaged table is kept as {KEPT}")
     folder.rewrite(good.values())
     return list(good.values())
+
+
+def _tell_lost(
+    folder: ResultsFolder, say: Callable[[str], None], lost: Sequence[Row], anew: Collection[RunKey]
+) -> None:
+    """Name runs that ended well and whose file is gone or damaged; the table is kept where rows leave it."""
+    left = f"left out of {folder.table.name}, of which {KEPT} is a copy"
+    for what, again in (("made anew", True), (left, False)):
+        if runs := [row for row in lost if (row.key in anew) == again]:
+            names = "; ".join(f"{r.plan}, start {r.start}, {r.sensor}, {r.agent}" for r in runs[:5])
+            more = f"; and {len(runs) - 5} more" if len(runs) > 5 else ""
+            say(f"{what}, since the file in runs/ is gone or damaged: {names}{more}")
+    if not {row.key for row in lost} <= set(anew):
+        write_atomically(folder.path / KEPT, folder.table.read_bytes())
 
 
 def _rows_of_table(folder: ResultsFolder) -> tuple[list[Row], ResultsError | None]:

@@ -98,6 +98,23 @@ def test_runs_that_are_not_made_again_stay(plans: Path, tmp_path: Path) -> None:
     assert run_benchmark(dataclasses.replace(both, again=(mine,)), out).ran == 2
 
 
+def test_runs_whose_file_is_gone_are_told(plans: Path, tmp_path: Path) -> None:
+    """Those that are asked for are made anew; the others leave the table, of which a copy stays."""
+    both, out = dataclasses.replace(config(plans), plans=(str(plans),)), tmp_path / "out"
+    before = run_benchmark(both, out)
+    table = before.folder.table.read_bytes()
+    for row in before.rows:
+        before.folder.curve_path(row).unlink()
+    said: list[str] = []
+    done = run_benchmark(config(plans), out, extend=True, watcher=BenchmarkWatcher(say=said.append))
+    assert done.ran == 1 and [row.plan for row in done.rows] == ["cottage"]
+    assert any(text.startswith("made anew") and "cottage, start 0, stage, nearest" in text for text in said)
+    assert any("left out of results.csv" in text and "house, start 0" in text for text in said)
+    assert (out / KEPT).read_bytes() == table
+    again = run_benchmark(both, out, watcher=BenchmarkWatcher(say=said.append))
+    assert again.ran == 1 and timeless(again.rows) == timeless(before.rows)
+
+
 def test_failures_elsewhere_of_an_agent_that_is_mended_stay(plans: Path, tmp_path: Path) -> None:
     mine, out = f"{write(tmp_path, BROKEN)}:Mine", tmp_path / "out"
     run_benchmark(dataclasses.replace(config(plans, mine), plans=(str(plans),)), out)
