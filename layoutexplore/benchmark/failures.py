@@ -25,7 +25,6 @@ from layoutexplore.errors import (
     ResultsError,
     cause,
     checks_arguments,
-    counted,
     shortened,
 )
 from layoutexplore.files import parse_csv, read_bytes, write_atomically
