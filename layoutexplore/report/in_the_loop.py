@@ -11,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from layoutexplore.benchmark.analysis import FailedRuns
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.room_fills import fills_of_rooms
 from layoutexplore.errors import checks_arguments
@@ -103,7 +104,12 @@ def _beside(mask: Mask) -> Mask:
 
 @checks_arguments
 def write_in_the_loop_report(
-    out: Path, scores: Sequence[LoopScore], pictures: Sequence[BelievedRooms], *, facts: dict[str, Any]
+    out: Path,
+    scores: Sequence[LoopScore],
+    pictures: Sequence[BelievedRooms],
+    *,
+    facts: dict[str, Any],
+    failed: Sequence[FailedRuns] = (),
 ) -> list[Path]:
     """Write in-the-loop.html, in-the-loop.csv and pictures/*.png into a folder.
 
@@ -112,6 +118,7 @@ def write_in_the_loop_report(
         scores: One a predictor.
         pictures: What predictors believed, by coverage and predictor.
         facts: "command", "plans", "buildings", "sensors", "starts", "plan" (the one in the pictures).
+        failed: The agents of which runs failed.
 
     Returns:
         The files written, the page first.
@@ -130,6 +137,7 @@ def write_in_the_loop_report(
         "pictures": by_place,
         "baseline": BASELINE,
         "driver": DRIVER,
+        "failed": failed,
     }
     write_atomically(written[0], render("in_the_loop.html", **view, **facts))
     return written

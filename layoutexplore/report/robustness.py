@@ -17,6 +17,15 @@ from layoutexplore.simulation.config import NOISE
 
 NOTHING = Interval(float("nan"), float("nan"), float("nan"))
 
+AGENT_COLUMNS = (
+    *("agent", "level", "runs", "reached99", "d95", "d95_low", "d95_high", "d99", "d99_low", "d99_high"),
+    *("d95_to_nearest", "d95_to_nearest_low", "d95_to_nearest_high"),
+)
+"""Those of agents.csv."""
+
+PREDICTOR_COLUMNS = ("predictor", "level", "mcc", "hidden_iou", "hidden_iou_low", "hidden_iou_high")
+"""Those of predictors.csv."""
+
 
 @checks_arguments
 def write_robustness_report(
@@ -40,8 +49,8 @@ def write_robustness_report(
         The files written, the page first.
     """
     written = [out / "robustness.html", out / "agents.csv", out / "predictors.csv"]
-    write_csv(written[1], [_agent_row(line) for line in agents])
-    write_csv(written[2], [_predictor_row(line) for line in predictors])
+    write_csv(written[1], [_agent_row(line) for line in agents], columns=AGENT_COLUMNS)
+    write_csv(written[2], [_predictor_row(line) for line in predictors], columns=PREDICTOR_COLUMNS)
     levels = facts["levels"]
     metres = {(line.agent, line.level): line.d95 for line in agents}
     hidden = {(line.predictor, line.level): line.hidden_iou for line in predictors}

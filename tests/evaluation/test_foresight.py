@@ -74,4 +74,6 @@ def test_failed_runs_are_named_and_the_command_says_so(tmp_path: Path) -> None:
     result = CliRunner().invoke(cli.app, [*arguments, "--jobs", "1"])
     assert result.exit_code == 1 and isinstance(result.exception, SystemExit), result.output
     said = f"{explorer_with(f'{own}:Fails')}: its only run failed with ZeroDivisionError: no rooms"
+    assert "Nothing is compared" in result.output
+    assert (out / "foresight.csv").read_text().count("\n") == 1
     assert said in result.output and said in (out / "foresight.md").read_text(encoding="utf-8")

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from layoutexplore import cli
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import NAN, Row
+from layoutexplore.benchmark.runner import Outcome
+from layoutexplore.cli import benchmark
 from layoutexplore.evaluation.in_the_loop import BASELINE, driver_of, score_in_the_loop
 from layoutexplore.maps.geojson import save_plan
 from tests.plans import offices
@@ -67,3 +71,27 @@ def test_the_command_writes_a_page_and_goes_on(tmp_path: Path) -> None:
     assert (
         again.exit_code == 0 and (out / "runs" / "results.csv").read_bytes() == results
     )  # no run was repeated
+
+
+def test_failed_runs_are_named_and_the_command_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan, out = tmp_path / "offices.geojson", tmp_path / "out"
+    save_plan(offices(), plan)
+    explore = benchmark.run_with_progress
+
+    def failing(*arguments: Any, **options: Any) -> Outcome:
+        outcome = explore(*arguments, **options)
+        rows = [
+            dataclasses.replace(row, d90=NAN, d95=NAN, d99=NAN, error="Boom: no map") for row in outcome.rows
+        ]
+        return dataclasses.replace(outcome, rows=rows, asked=rows)
+
+    monkeypatch.setattr(benchmark, "run_with_progress", failing)
+    arguments = ["evaluate", "in-the-loop", str(plan), "--out", str(out), "--starts", "1", "-s", "indoor"]
+    result = CliRunner().invoke(cli.app, [*arguments, "--jobs", "1", "-p", "none"])
+    assert result.exit_code == 1 and isinstance(result.exception, SystemExit), result.output
+    page = (out / "in-the-loop.html").read_text(encoding="utf-8")
+    assert page.count("Boom: no map") == 2 and page.count("<td>all 1</td>") == 2
+    (line,) = csv.DictReader((out / "in-the-loop.csv").open(encoding="utf-8"))
+    assert line["predictor"] == "none" and not line["d95"]

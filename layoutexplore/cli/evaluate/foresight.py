@@ -13,6 +13,12 @@ from layoutexplore.files import check_places
 if TYPE_CHECKING:
     from layoutexplore.evaluation.foresight import ForesightScore
 
+COLUMNS = (
+    *("sensor", "predictor", "cells", "buildings", "d95", "d99", "reached", "ms"),
+    *("d95_low", "d95_high", "d99_low", "d99_high"),
+)
+"""Those of foresight.csv."""
+
 HELP = (
     "Metres of plan-tour with foresight of 0, 1, 2, 3 and all doors, or of any predictor, over those of "
     "layout-tour in the same cells; a table with intervals over buildings."
@@ -41,6 +47,7 @@ def foresight(
     from layoutexplore.cli.progress import plain_console
     from layoutexplore.evaluation.foresight import (
         HORIZONS,
+        PLANNER,
         REFERENCE,
         explorer_with,
         foresight_table,
@@ -65,10 +72,12 @@ def foresight(
     for row in outcome.failed:
         typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
     scores = score_foresight(outcome.rows, predictors)
-    write_csv(out / "foresight.csv", [_line(score) for score in scores])
+    write_csv(out / "foresight.csv", [_line(score) for score in scores], columns=COLUMNS)
     text = foresight_table(scores)
     if failed := failed_runs(outcome.rows):
         text += "\nFailed runs are in no figure above:\n\n" + "".join(f"- {line}\n" for line in failed)
+    if not scores:
+        text += f"\nNothing is compared: {REFERENCE} and {PLANNER} did not both end a run well in one cell.\n"
     write_atomically(out / "foresight.md", text)
     typer.echo(text + f"\nwritten: {out / 'foresight.md'} and {out / 'foresight.csv'}")
     if failed:

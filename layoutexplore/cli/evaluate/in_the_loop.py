@@ -54,6 +54,7 @@ def in_the_loop(
     jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
 ) -> None:
     """Compare predictors in the loop; `HELP` is what the command line says."""
+    from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.benchmark.config import BenchmarkConfig
     from layoutexplore.cli.benchmark import run_with_progress
     from layoutexplore.cli.progress import plain_console
@@ -93,9 +94,12 @@ def in_the_loop(
         "sensors": sensors,
         "plan": next(iter(buildings)),
     }
-    written = write_in_the_loop_report(out, found, pictures, facts=facts)
+    failed = failed_runs(outcome.rows)
+    written = write_in_the_loop_report(out, found, pictures, facts=facts, failed=failed)
     _print(found)
     typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
+    if failed:
+        raise typer.Exit(1)
 
 
 def _ask(

@@ -122,6 +122,8 @@ def _print(found: Sequence[AgentUnderNoise], failed: Mapping[str, Sequence[Faile
             f"{line.agent:<16} {line.level:<7} saw 99 %: {line.reached:6.1%} of {line.runs}  to 95 %: "
             f"{d95}  to 99 %: {d99}"
         )
+    if not found:
+        typer.echo("no run ended well: agents.csv has no line")
     for level, lines in failed.items():
         for one in lines:
             typer.echo(f"failed: level {level}, {one}")
