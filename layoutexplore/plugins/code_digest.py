@@ -7,17 +7,16 @@ what of the same place it calls. Of an object, its attributes count, too.
 
 from __future__ import annotations
 
-import ast
-import contextlib
 import functools
 import hashlib
 import inspect
 import pickle
 import sys
 from collections.abc import Iterator
-from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
+from types import CodeType, FunctionType
 from typing import Any
+
+from layoutexplore.plugins.own_files import digest_of_files, files_of, home_of, own_file
 
 _PLAIN = (bool, int, float, complex, str, bytes, tuple, type(None))
 
@@ -37,96 +36,6 @@ def digest_of(thing: Any) -> str:
     if root is not thing:
         found += list(_state(vars(thing) if hasattr(thing, "__dict__") else thing, seen))
     return _short("\n".join(found).encode())
-
-
-def digest_of_files(files: dict[Path, bytes]) -> str:
-    """12 hexadecimal digits that change with the content of files, wherever they lie."""
-    return _short(b"".join(hashlib.sha256(files[path]).digest() for path in sorted(files)))
-
-
-def files_of(module: ModuleType) -> dict[Path, bytes]:
-    """The file of a module and those that it imports from its own folder, or from that of its package.
-
-    An import within a function counts, too, and one of a mere number. Packages that are installed in an
-    environment within that folder do not count, and neither does this one.
-    """
-    path = own_file(module)
-    if path is None:
-        return {}
-    depth = module.__name__.count(".") + hasattr(module, "__path__")
-    folder = path.parents[depth] if module.__package__ else path.parent
-    found: dict[Path, bytes] = {}
-    waiting = [module]
-    while waiting:
-        module = waiting.pop()
-        path = own_file(module)
-        if path is None or path in found or folder not in path.parents:
-            continue
-        found[path] = path.read_bytes()
-        for value in list(vars(module).values()):
-            home = value if isinstance(value, ModuleType) else sys.modules.get(_home(value))
-            if home is not None:
-                waiting.append(home)
-    unread = list(found)
-    while unread:
-        here = unread.pop()
-        for path in _imported(here, found[here], folder):
-            if path not in found:
-                with contextlib.suppress(OSError):  # it may never be imported
-                    found[path] = path.read_bytes()
-                    unread.append(path)
-    return found
-
-
-def _imported(here: Path, source: bytes, folder: Path) -> Iterator[Path]:
-    """The files within a folder that a file's source imports anywhere; of what is no Python, none."""
-    try:
-        nodes = list(ast.walk(ast.parse(source)))
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return
-    for node in nodes:
-        if isinstance(node, ast.Import):
-            names = [name.name.split(".") for name in node.names]
-        elif isinstance(node, ast.ImportFrom):  # each name may be a module, too
-            names = [[*(node.module or "").split("."), name.name] for name in node.names]
-        else:
-            continue
-        if isinstance(node, ast.ImportFrom) and node.level:
-            bases = set(here.parents[node.level - 1 : node.level])
-        else:
-            bases = {folder, here.parent}
-            names = [parts for parts in names if parts[0] != "layoutexplore"]
-        for parts in names:
-            yield from _files_named(parts, bases, folder)
-
-
-def _files_named(parts: list[str], bases: set[Path], folder: Path) -> Iterator[Path]:
-    """The files of a dotted name and of the packages on the way to it, where they lie within a folder.
-
-    The name begins with an empty part where it is relative to a package itself.
-    """
-    for base in bases:
-        for count in range(1, len(parts) + 1):
-            stem = base.joinpath(*parts[:count])
-            for path in (stem / "__init__.py", stem.with_name(f"{stem.name}.py")):
-                real = path.resolve()
-                if folder in real.parents and "site-packages" not in real.parts and real.is_file():
-                    yield real
-
-
-def own_file(module: ModuleType) -> Path | None:
-    """The Python file of a module, unless it is one of this package or of an installed one."""
-    name = getattr(module, "__file__", None)
-    top = module.__name__.partition(".")[0]
-    if not isinstance(name, str) or not name.endswith(".py") or top == "layoutexplore":
-        return None
-    path = Path(name).resolve()
-    return path if "site-packages" not in path.parts and path.is_file() else None
-
-
-def _home(value: Any) -> str:
-    home = getattr(value, "__module__", None)
-    return home if isinstance(home, str) else ""
 
 
 def _has_code(thing: Any) -> bool:
@@ -164,7 +73,7 @@ def _code(thing: Any, seen: set[int]) -> Iterator[str]:
 
 def _reaches(value: Any, module: str) -> bool:
     """Whether a value is a function or class of that module; functions that numba compiles have `py_func`."""
-    return _has_code(getattr(value, "py_func", value)) and _home(value) == module
+    return _has_code(getattr(value, "py_func", value)) and home_of(value) == module
 
 
 def _source(function: FunctionType) -> str:
@@ -203,7 +112,7 @@ def _state(value: Any, seen: set[int]) -> Iterator[str]:
         yield from sorted(map(repr, value))
     elif _has_code(value):
         yield from _code(value, seen)
-    elif _home(type(value)) == "__main__":
+    elif home_of(type(value)) == "__main__":
         yield from _code(type(value), seen)
         yield from _state(vars(value), seen)
     else:

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 from layoutexplore.errors import ConfigError, OwnCodeError, unknown_name
 from layoutexplore.files.reading import read_bytes
-from layoutexplore.plugins.code_digest import digest_of_files, files_of, own_file
+from layoutexplore.plugins.own_files import digest_of_files, files_of, names_of, own_file
 from layoutexplore.plugins.tracebacks import told
 
 _FILE = re.compile(r"(?P<place>[^=]*?\.py):(?P<name>[A-Za-z_]\w*)(?=:|$)")
@@ -188,7 +188,7 @@ class _PinnedFinder(MetaPathFinder):
             return None
         spec = PathFinder.find_spec(fullname, path, target)
         if spec is not None and spec.origin:
-            homes = [Path(spec.origin).resolve()]
+            homes = list(names_of(Path(spec.origin)))
         elif spec is None:
             stems = [Path(entry).resolve() / name for entry in path or sys.path]
             homes = [home for stem in stems for home in (stem / "__init__.py", Path(f"{stem}.py"))]
@@ -257,7 +257,7 @@ def _look_beside(folder: Path) -> None:
         return
     for name, module in list(sys.modules.items()):
         file = own_file(module) if isinstance(module, ModuleType) else None
-        homes = {str(home) for home in file.parents} if file else set()
+        homes = {str(home) for path in names_of(file) for home in path.parents} if file else set()
         top = name.partition(".")[0]
         is_beside = (folder / f"{top}.py").is_file() or (folder / top).is_dir()
         if here not in homes and homes.intersection(_folders) and is_beside:
@@ -289,7 +289,7 @@ def _forget(path: Path) -> None:
     """Let a module beside a changed file be imported anew."""
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
-        if isinstance(file, str) and file.endswith(path.name) and Path(file).resolve() == path:
+        if isinstance(file, str) and file.endswith(path.name) and path in names_of(Path(file)):
             del sys.modules[name]
 
 

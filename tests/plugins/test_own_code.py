@@ -167,6 +167,28 @@ def test_what_is_no_python_and_what_imports_itself_is_read_all_the_same(tmp_path
     }
 
 
+@pytest.mark.parametrize("name", ["linked_part.py", "linked_package"])
+def test_what_is_a_link_out_of_the_folder_counts(tmp_path: Path, name: str) -> None:
+    """Also a module within a package, and where the link leads elsewhere later."""
+    here, there = tmp_path / "here", tmp_path / "there"
+    for folder in (here, there / "one", there / "two"):
+        folder.mkdir(parents=True)
+    for size, folder in enumerate(("one", "two"), 1):
+        write(there / folder, f"SIZE = {size}", "__init__.py" if name == "linked_package" else "part_of.py")
+    target = "" if name == "linked_package" else "part_of.py"
+    (here / name).symlink_to(there / "one" / target)
+    path = write(here, f"from {name.removesuffix('.py')} import SIZE\nVALUE = SIZE")
+    digest, kept = reference(path).digest(), pins()
+    assert reference(path).load() == 1
+    (here / name).unlink()
+    (here / name).symlink_to(there / "two" / target)
+    assert reference(path).digest() != digest and reference(path).load() == 2
+    with pinned(kept):
+        assert reference(path).load() == 1 and reference(path).digest() == digest
+    (there / "two" / (target or "__init__.py")).write_text("SIZE = 33")
+    assert reference(path).load() == 33
+
+
 def test_a_package_of_one_s_own_counts_as_a_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own_package").mkdir()
