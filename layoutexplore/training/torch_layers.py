@@ -10,7 +10,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, shortened
 from layoutexplore.files import write_atomically
 from layoutexplore.files.tensors import read_tensors
 from layoutexplore.grids.arrays import Floats32
@@ -34,6 +34,7 @@ def fit_network(
     decay: float,
     progress: StepProgress,
     kept: Path | None = None,
+    device: str = "cpu",
 ) -> None:
     """Train a network by AdamW; the learning rate rises for a tenth of the steps and then falls (one cycle).
 
@@ -46,7 +47,9 @@ def fit_network(
         progress: Receives the steps.
         kept: File (safetensors) that the state is kept in now and then, and that a training that was stopped
             goes on from; the same result comes of it where what `losses` draws depends on the step alone.
+        device: Where it is trained ("cpu" or "cuda"); afterwards it is on the processor.
     """
+    network.to(device)
     optimizer = torch.optim.AdamW(network.parameters(), lr=rate, weight_decay=decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, rate, total_steps=steps, pct_start=0.1)
     network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -65,7 +68,24 @@ def fit_network(
         progress(step + 1, steps, late)
         if kept and ((step + 1) % _KEPT == 0 or step + 1 == steps):
             _keep(kept, network, optimizer, step + 1, steps)
-    network.eval()
+    network.cpu().eval()
+
+
+def chosen_device(device: str) -> str:
+    """Where networks are trained: "cpu" or "cuda".
+
+    Args:
+        device: One of these, or "auto" for "cuda" where there is one.
+
+    Raises:
+        ConfigError: There is no such device.
+    """
+    there = torch.cuda.is_available()
+    if device not in ("auto", "cpu", "cuda"):
+        raise ConfigError(f"device must be auto, cpu or cuda, got {shortened(device)}")
+    if device == "cuda" and not there:
+        raise ConfigError("there is no CUDA device here: use cpu or auto")
+    return "cuda" if there and device != "cpu" else "cpu"
 
 
 def _state(network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, torch.Tensor]:

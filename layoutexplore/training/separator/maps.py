@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import warnings
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +23,7 @@ from layoutexplore.layout.merging.separator.planes import KINDS as PLANES
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator import FAMILIES, generate
+from layoutexplore.processes import end_with_parent, single_threaded
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.fit import LARGEST
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
@@ -47,6 +51,7 @@ def separator_examples(
     *,
     seed: int = 7,
     cache: Path | None = None,
+    workers: int = 0,
     progress: Progress = silent,
 ) -> list[SeparatorExample]:
     """What maps of floor plans teach; plans that are too large or that no robot fits in are left out.
@@ -56,21 +61,42 @@ def separator_examples(
         plans: What `load_plan` knows; the same seed gives the same maps of them and of generated ones.
         seed: Of plans and maps.
         cache: Folder in which the examples of each plan are kept: a run that was stopped goes on.
+        workers: Processes that simulate; 0 for this one.
         progress: Told of the maps tried.
     """
-    out, mark = [], mark_of(plans)
-    for k in range(count):
-        kept = cache / f"{mark}-{seed}-{k}.npz" if cache else None
-        found = _read(kept) if kept is not None and kept.exists() else None
-        if found is None:
-            found = [separator_example(*one) for one in known_maps(k, plans, seed)]
-            if kept is not None:
-                write_arrays(
-                    kept, {f"{name}-{n}": getattr(e, name) for n, e in enumerate(found) for name in _KEPT}
-                )
+    out: list[SeparatorExample] = []
+    for k, found in enumerate(_examples_of_plans(count, tuple(plans), seed, cache, workers)):
         out += found
         progress("maps simulated", k + 1, count)
     return out
+
+
+def _examples_of_plans(
+    count: int, plans: tuple[str, ...], seed: int, cache: Path | None, workers: int
+) -> Iterator[list[SeparatorExample]]:
+    """What each plan teaches, in order."""
+    work = partial(_examples_of, plans=plans, seed=seed, cache=cache)
+    if not workers:
+        yield from map(work, range(count))
+        return
+    with (
+        single_threaded(),
+        ProcessPoolExecutor(workers, get_context("spawn"), initializer=end_with_parent) as pool,
+    ):
+        yield from pool.map(work, range(count))
+
+
+def _examples_of(k: int, plans: tuple[str, ...], seed: int, cache: Path | None) -> list[SeparatorExample]:
+    """What a plan teaches, from the cache where it is there."""
+    kept = cache / f"{mark_of(plans)}-{seed}-{k}.npz" if cache else None
+    found = _read(kept) if kept is not None and kept.exists() else None
+    if found is None:
+        found = [separator_example(*one) for one in known_maps(k, plans, seed)]
+        if kept is not None:
+            write_arrays(
+                kept, {f"{name}-{n}": getattr(e, name) for n, e in enumerate(found) for name in _KEPT}
+            )
+    return found
 
 
 def mark_of(plans: Sequence[str]) -> str:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, dataclass
+from multiprocessing import get_all_start_methods
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +12,23 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 from torch.nn import functional
+from torch.utils.data import DataLoader, Dataset
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.layout.merging.separator.network import LAYERS, OUTPUTS, OUTSIDE, THING
 from layoutexplore.training.folds import Progress, silent
-from layoutexplore.training.separator.disturb import disturbed
+from layoutexplore.training.separator.crops import draw_crops
 from layoutexplore.training.separator.examples import SeparatorExample
 from layoutexplore.training.separator.maps import mark_of, separator_examples
-from layoutexplore.training.separator.targets import as_input, draw_crop, targets_of
-from layoutexplore.training.torch_layers import Convolution, StepProgress, fit_network, plain_weights
+from layoutexplore.training.separator.targets import as_input, targets_of
+from layoutexplore.training.torch_layers import (
+    Convolution,
+    StepProgress,
+    chosen_device,
+    fit_network,
+    plain_weights,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,15 +43,19 @@ class SeparatorTrainingConfig:
         decay: Of the weights.
         side_weight: Of the loss of the outputs that are no borders and no pairs of squares.
         seed: Of the weights and the draws; those of a step depend on it and the step alone.
+        workers: Processes that simulate maps and draw crops; 0 for this one. They change no result.
+        device: "cpu", "cuda", or "auto" for "cuda" where there is one.
     """
 
-    steps: int = 6000
+    steps: int = 14000
     rate: float = 4e-3
-    batch: int = 12
+    batch: int = 64
     crop: int = 48
     decay: float = 1e-3
     side_weight: float = 0.5
     seed: int = 0
+    workers: int = 0
+    device: str = "auto"
 
 
 class TrainableSeparator(nn.Module):
@@ -93,18 +105,26 @@ def fit_separator(
         kept: File for its state, from which a training that was stopped goes on.
 
     Raises:
-        ConfigError: There is no map.
+        ConfigError: There is no map, or no such device.
     """
     if not examples:
         raise ConfigError("there is no map to learn borders from: simulate more of them, or of other plans")
     torch.manual_seed(config.seed)
     network = TrainableSeparator()
-    scale = torch.ones(OUTPUTS)
+    device = chosen_device(config.device)
+    scale = torch.ones(OUTPUTS, device=device)
     scale[[OUTSIDE, THING]] = config.side_weight
+    batches: Iterator[tuple[torch.Tensor, ...]] | None = None
 
     def losses(step: int) -> tuple[torch.Tensor, torch.Tensor]:
-        values, truth, weight = draw_batch(examples, config, np.random.default_rng([config.seed, step]))
-        wrong = functional.binary_cross_entropy_with_logits(network(values), truth, reduction="none")
+        nonlocal batches
+        if batches is None:
+            batches = _batches(examples, config, step)
+        shares, *truths = (part.to(device, non_blocking=True) for part in next(batches))
+        truth, weight = targets_of(shares, *truths)
+        wrong = functional.binary_cross_entropy_with_logits(
+            network(as_input(shares)), truth, reduction="none"
+        )
         each = (wrong * weight).sum((0, 2, 3)) / weight.sum((0, 2, 3)).clamp(min=1.0)
         return (each * scale).sum(), each.mean()
 
@@ -116,23 +136,37 @@ def fit_separator(
         decay=config.decay,
         progress=progress,
         kept=kept,
+        device=device,
     )
     return network
 
 
-def draw_batch(
-    examples: Sequence[SeparatorExample], config: SeparatorTrainingConfig, rng: np.random.Generator
-) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
-    """Inputs (batch, channels, places, places), truth and weights (batch, OUTPUTS, squares, squares)."""
-    values, truth, weight = [], [], []
-    for _ in range(config.batch):
-        crop = disturbed(draw_crop(examples[int(rng.integers(len(examples)))], config.crop, rng), rng)
-        values.append(as_input(crop.shares))
-        found = targets_of(crop)
-        truth.append(found[0])
-        weight.append(found[1])
-    stacked = (torch.from_numpy(np.stack(part)) for part in (values, truth, weight))
-    return next(stacked), next(stacked), next(stacked)
+class _Steps(Dataset[tuple[torch.Tensor, ...]]):
+    """The crops of each step."""
+
+    def __init__(self, examples: Sequence[SeparatorExample], config: SeparatorTrainingConfig) -> None:
+        self.examples, self.config = examples, config
+
+    def __getitem__(self, step: int) -> tuple[torch.Tensor, ...]:
+        config = self.config
+        rng = np.random.default_rng([config.seed, step])
+        crops = draw_crops(self.examples, config.batch, config.crop, rng)
+        return tuple(map(torch.from_numpy, astuple(crops)))
+
+
+def _batches(
+    examples: Sequence[SeparatorExample], config: SeparatorTrainingConfig, first: int
+) -> Iterator[tuple[torch.Tensor, ...]]:
+    """The crops of the steps from `first` on, in order; workers share the maps that this process has read."""
+    return iter(
+        DataLoader(
+            _Steps(examples, config),
+            batch_size=None,
+            sampler=range(first, config.steps),
+            num_workers=config.workers,
+            multiprocessing_context="fork" if config.workers and "fork" in get_all_start_methods() else None,
+        )
+    )
 
 
 def train_shipped_separator(
@@ -152,7 +186,7 @@ def train_shipped_separator(
         cache: Folder for what is learnt from and the state of the training: a run that was stopped goes on.
         progress: Told of what takes long.
     """
-    examples = separator_examples(count, plans, cache=cache, progress=progress)
+    examples = separator_examples(count, plans, cache=cache, workers=config.workers, progress=progress)
     network = fit_separator(
         examples,
         config,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from layoutexplore.training.separator.crops import draw_crop
 from layoutexplore.training.separator.disturb import CHANGES, disturbed
 from layoutexplore.training.separator.examples import SeparatorExample, separator_example
-from layoutexplore.training.separator.targets import draw_crop
 from tests.layout.merging.cases import plan, rooms_of
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,24 +14,26 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.layout.merging.separator.network import BORDER, LAYERS, SeparatorNetwork
 from layoutexplore.models.network_files import load_weights, shapes_of
 from layoutexplore.training.separator.examples import separator_example
-from layoutexplore.training.separator.targets import as_input, targets_of
 from tests.layout.merging.cases import plan, rooms_of
 
-pytest.importorskip("torch")
+torch = pytest.importorskip("torch")
 
 
 def test_training_learns_where_rooms_end() -> None:
     from layoutexplore.training.separator.network import SeparatorTrainingConfig, fit_separator
+    from layoutexplore.training.separator.targets import as_input, targets_of
 
     example = separator_example(plan(), rooms_of(plan()), 0.05)
     config = SeparatorTrainingConfig(steps=60, batch=4, crop=24)
     told: list[tuple[int, int, float]] = []
     weights = fit_separator([example], config, lambda *args: told.append(args)).weights()
     assert len(told) == 60 and told[-1][2] < 0.7 * told[0][2]
-    odds = SeparatorNetwork(weights).forward(np.moveaxis(as_input(example.shares), 0, 2))[..., BORDER]
-    truth, weight = targets_of(example)
-    right = (odds > 0) == (truth[BORDER] > 0)
-    assert right[weight[BORDER] > 0].mean() > 0.85
+    parts = [torch.from_numpy(part[None]) for part in astuple(example)]
+    values = np.moveaxis(as_input(parts[0])[0].numpy(), 0, 2)
+    odds = SeparatorNetwork(weights).forward(np.ascontiguousarray(values))[..., BORDER]
+    truth, weight = (part[0, BORDER].numpy() for part in targets_of(*parts))
+    right = (odds > 0) == (truth > 0)
+    assert right[weight > 0].mean() > 0.85
     short = replace(config, steps=3)
     once, again = (fit_separator([example], short, lambda *_: None).weights() for _ in range(2))
     assert all(np.array_equal(once[name], again[name]) for name in weights), "the same seed, the same network"
@@ -60,6 +62,23 @@ def test_a_stopped_training_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert all(np.allclose(whole[name], resumed[name], atol=1e-6) for name in whole)
     with pytest.raises(ConfigError, match="other steps than 9"):
         fit_separator([example], replace(config, steps=9), stop, kept)
+
+
+def test_workers_change_nothing(tmp_path: Path) -> None:
+    from layoutexplore.training.separator.maps import separator_examples
+    from layoutexplore.training.separator.network import SeparatorTrainingConfig, fit_separator
+
+    alone = separator_examples(4)
+    shared = separator_examples(4, workers=2)
+    pairs = zip(alone, shared, strict=True)
+    assert all(np.array_equal(*both) for a, b in pairs for both in zip(astuple(a), astuple(b), strict=True))
+    config = SeparatorTrainingConfig(steps=3, batch=2, crop=16)
+    once, again = (
+        fit_separator(alone, replace(config, workers=count), lambda *_: None).weights() for count in (0, 2)
+    )
+    assert all(np.array_equal(once[name], again[name]) for name in once)
+    with pytest.raises(ConfigError, match="device must be auto, cpu or cuda, got 'gpu'"):
+        fit_separator(alone, replace(config, device="gpu"), lambda *_: None)
 
 
 def test_the_command_writes_a_network(tmp_path: Path) -> None:

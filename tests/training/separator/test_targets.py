@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 
+from layoutexplore.grids.arrays import Floats32
 from layoutexplore.layout.merging.separator.network import BORDER, OFFSETS, OUTSIDE, THING
 from layoutexplore.layout.merging.separator.planes import KINDS, PATCH
+from layoutexplore.training.separator.crops import draw_crop, draw_crops
 from layoutexplore.training.separator.examples import SeparatorExample
-from layoutexplore.training.separator.targets import BOTH_OUTSIDE, as_input, draw_crop, targets_of
+
+torch = pytest.importorskip("torch")
 
 SIDE = 32
 
@@ -23,8 +28,18 @@ def halves() -> SeparatorExample:
     return SeparatorExample(shares, rooms, nothing, nothing)
 
 
+def truth_of(example: SeparatorExample) -> tuple[Floats32, Floats32]:
+    """What is true of the squares of an example, and how much each counts."""
+    from layoutexplore.training.separator.targets import targets_of
+
+    truth, weight = targets_of(*(torch.from_numpy(part[None]) for part in astuple(example)))
+    return truth[0].numpy(), weight[0].numpy()
+
+
 def test_truth_of_two_rooms_side_by_side() -> None:
-    truth, weight = targets_of(halves())
+    from layoutexplore.training.separator.targets import BOTH_OUTSIDE
+
+    truth, weight = truth_of(halves())
     assert (truth[BORDER].sum(axis=0) > 0).nonzero()[0].tolist() == [11, 12, 23, 24]
     assert (weight[BORDER] == 1).all()
     assert (truth[OUTSIDE][:, 24:] == 1).all() and (truth[OUTSIDE][:, :24] == 0).all()
@@ -55,8 +70,25 @@ def test_a_crop_shows_a_part_with_its_truth() -> None:
 
 
 def test_the_input_is_as_the_network_takes_it() -> None:
+    from layoutexplore.training.separator.targets import as_input
+
     rng = np.random.default_rng(1)
     shares = rng.integers(0, 256, (16, 16, KINDS)).astype(np.uint8)
-    values = as_input(shares)
+    values = as_input(torch.from_numpy(shares[None]))[0].numpy()
     assert values.shape == (PATCH * PATCH * KINDS, 4, 4)
     assert values[(1 * PATCH + 2) * KINDS + 3, 2, 1] == np.float32(shares[9, 6, 3] / np.float32(255))
+
+
+def test_the_truth_of_a_batch_is_that_of_each_crop() -> None:
+    rng = np.random.default_rng(3)
+    rooms = rng.integers(0, 3, (40, 40)).astype(np.int16)
+    shares = rng.integers(0, 80, (80, 80, KINDS)).astype(np.uint8)
+    thing, known = (rng.integers(0, 256, (40, 40)).astype(np.uint8) for _ in range(2))
+    crops = draw_crops([SeparatorExample(shares, rooms, thing, known), halves()], 5, 6, rng)
+    assert crops.shares.shape == (5, 24, 24, KINDS) and crops.rooms.shape == (5, 12, 12)
+    from layoutexplore.training.separator.targets import targets_of
+
+    several = [part.numpy() for part in targets_of(*map(torch.from_numpy, astuple(crops)))]
+    for k in range(5):
+        one = truth_of(SeparatorExample(*(part[k] for part in astuple(crops))))
+        assert all(np.array_equal(whole[k], part) for whole, part in zip(several, one, strict=True))
