@@ -2,125 +2,297 @@
 
 Of code in a file, the bytes of the file count, and of those beside and below it that it imports, wherever in
 it the import stands. Of what was defined in a program or in a cell of a notebook, its own source counts, and
-what of the same place it calls. Of an object, its attributes count, too.
+all that it looks up in the same place: functions, classes, values, modules beside the program. Of an object,
+its attributes count, too. What is installed counts by its name.
+
+Two processes find the same: neither the order in which a set or dictionary was filled counts, nor where in
+memory something lies.
 """
 
 from __future__ import annotations
 
+import copyreg
+import dis
+import enum
 import functools
 import hashlib
 import inspect
-import pickle
 import sys
+import warnings
 from collections.abc import Iterator
-from types import CodeType, FunctionType
+from pathlib import Path
+from types import CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
 from typing import Any
 
-from layoutexplore.plugins.own_files import digest_of_files, files_of, home_of, own_file
+from layoutexplore.plugins.own_files import (
+    contents,
+    digest_of_files,
+    files_named,
+    files_of,
+    home_of,
+    own_file,
+    with_imports,
+)
 
-_PLAIN = (bool, int, float, complex, str, bytes, tuple, type(None))
+_PLAIN = (bool, int, float, complex, str, bytes, type(None), type(...))
+
+_PROGRAMS = ("__main__", "__mp_main__")
+"""Modules of which no file is imported: what is defined there counts piece by piece."""
+
+_WRAPPERS = (staticmethod, classmethod, functools._lru_cache_wrapper)
+
+_WALKS = 3
+"""So often labels are made anew: functions of one name and source are told apart by what they hold."""
+
+_ASIDE = {
+    *("__dict__", "__weakref__", "__module__", "__doc__", "__firstlineno__", "__static_attributes__"),
+    *("_abc_impl", "__annotate_func__", "__annotations_cache__"),
+}
+"""Attributes of a class that say nothing of what it does."""
 
 
 def digest_of(thing: Any) -> str:
     """12 hexadecimal digits that change with the code of a class, function or object, and its attributes."""
-    if isinstance(thing, (tuple, functools.partial)):
-        parts = thing if isinstance(thing, tuple) else (thing.func, thing.args, thing.keywords)
-        return _short(" ".join(map(digest_of, parts)).encode())
-    root = thing if _has_code(thing) else type(thing)
-    module = sys.modules.get(root.__module__)
-    seen: set[int] = set()
-    if module is not None and module.__name__ not in ("__main__", "__mp_main__") and own_file(module):
-        found = [digest_of_files(files_of(module)), root.__qualname__]
+    homes = (name for name in _homes(thing) if name != "builtins")
+    walk = _Walk({name for name in homes if not _file_of(name)})
+    for _ in range(_WALKS):
+        found = walk.digest(thing)
+    return found[:12]
+
+
+def _homes(thing: Any) -> Iterator[str]:
+    """Where what was given is defined."""
+    if isinstance(thing, tuple):
+        for part in thing:
+            yield from _homes(part)
+    elif isinstance(thing, functools.partial):
+        yield from _homes(thing.func)
     else:
-        found = list(_code(root, seen))
-    if root is not thing:
-        found += list(_state(vars(thing) if hasattr(thing, "__dict__") else thing, seen))
-    return _short("\n".join(found).encode())
+        yield home_of(thing if _has_code(thing) else type(thing))
+
+
+def _file_of(name: str) -> Path | None:
+    """The own file of a module; None of a program, of what is installed, and of what has no file."""
+    module = sys.modules.get(name)
+    if module is None or name in _PROGRAMS or name.partition(".")[0] in sys.stdlib_module_names:
+        return None
+    return own_file(module)
 
 
 def _has_code(thing: Any) -> bool:
     return inspect.isclass(thing) or inspect.isfunction(thing)
 
 
-def _code(thing: Any, seen: set[int]) -> Iterator[str]:
-    """What a class or function consists of, and what it reaches in the place where it was defined."""
-    if id(thing) in seen:
-        return
-    seen.add(id(thing))
-    yield thing.__qualname__
-    if inspect.isclass(thing):
-        for name, value in vars(thing).items():
-            value = getattr(value, "__func__", value)
-            value = value.fget if isinstance(value, property) else value
-            if isinstance(value, _PLAIN) and not name.startswith("__"):
-                yield f"{name} = {value!r}"
-            elif _reaches(value, thing.__module__):
-                yield from _code(value, seen)
-        for base in thing.__bases__:
-            if base.__module__ == thing.__module__:
-                yield from _code(base, seen)
-        return
-    function: FunctionType = getattr(thing, "py_func", thing)
-    yield _source(function)
-    yield from _state([function.__defaults__, function.__kwdefaults__], seen)
-    for name in _names(function.__code__):
-        value = function.__globals__.get(name)
-        if _reaches(value, function.__module__):
-            yield from _code(value, seen)
-        elif isinstance(value, _PLAIN):
-            yield f"{name} = {value!r}"
+class _Walk:
+    """A walk over all that a value reaches.
+
+    Classes and functions may reach each other in circles: where one is met it has a label, and is described
+    apart. Its label is the digest of its description in the walk before, in the first one its name. Thus no
+    digest depends on where a circle is entered.
+
+    Args:
+        homes: Modules without an own file whose code counts piece by piece, beside that of programs.
+    """
+
+    def __init__(self, homes: set[str]) -> None:
+        self._homes = homes
+        self._modules: dict[str, str] = {}
+        self._sources: dict[int, str] = {}
+        self._labels: dict[int, str] = {}
+        self._kept: list[Any] = []  # no other value gets the place of one in memory
+        self._met: dict[int, Any] = {}
+        self._found: dict[int, str] = {}
+
+    def digest(self, thing: Any) -> str:
+        """64 hexadecimal digits; after another call, they tell apart what is further away."""
+        self._met, self._found = {}, {}
+        text, labels = self.of(thing), dict[int, str]()
+        while waiting := self._met.keys() - labels.keys():
+            for key in waiting:
+                code = self._met[key]
+                parts = self._class(code) if inspect.isclass(code) else self._function(code)
+                labels[key] = _hashed("\n".join(parts))
+        self._labels = labels
+        return _hashed("\n".join([text, *sorted(labels.values())]))
+
+    def of(self, value: Any) -> str:
+        """The digest of a value, or the label of a class or function."""
+        self._kept.append(value)
+        key, name = id(value), f"{home_of(type(value))}.{type(value).__qualname__}"
+        if _has_code(value):
+            self._met[key] = value
+            return self._labels.get(key, f"{home_of(value)}.{value.__qualname__}")
+        if key not in self._found:
+            self._found[key] = f"{name}, which reaches itself"
+            try:
+                self._found[key] = _hashed("\n".join([name, *self._parts(value)]))
+            except RecursionError:
+                self._found[key] = name
+        return self._found[key]
+
+    def _parts(self, value: Any) -> Iterator[str]:
+        kind = type(value)
+        if kind in _PLAIN:
+            # A long number has no repr, that of bytes is long.
+            yield hex(value) if kind is int else _hashed(value) if kind is bytes else repr(value)
+        elif kind in (list, tuple):
+            yield from map(self.of, value)
+        elif kind in (dict, MappingProxyType):
+            yield from self._pairs(value.items())
+        elif isinstance(value, (set, frozenset)):
+            yield from sorted(map(self.of, value))
+        elif isinstance(value, ModuleType):
+            yield self._module(value.__name__) or value.__name__
+        elif isinstance(value, CodeType):
+            yield from self._instructions(value)
+        elif isinstance(value, enum.Enum):
+            yield from self._pairs(vars(value).items())
+        elif isinstance(value, MethodType):
+            yield from map(self.of, (value.__func__, value.__self__))
+        elif isinstance(value, property):
+            yield from map(self.of, (value.fget, value.fset, value.fdel))
+        elif isinstance(value, _WRAPPERS):
+            yield self.of(value.__wrapped__)
+        elif inspect.isfunction(inner := getattr(value, "py_func", None)):  # what numba compiles
+            yield self.of(inner)
+        else:
+            yield from self._object(value)
+
+    def _pairs(self, pairs: Any) -> list[str]:
+        return sorted(f"{self.of(key)} = {self.of(value)}" for key, value in pairs)
+
+    def _module(self, name: str) -> str:
+        """What stands for all that a module defines; empty where that counts piece by piece."""
+        if name not in self._modules:
+            module = sys.modules.get(name)
+            if name in _PROGRAMS or name in self._homes or module is None:
+                text = ""
+            else:
+                text = digest_of_files(files_of(module)) if _file_of(name) else name
+            self._modules[name] = text
+        return self._modules[name]
+
+    def _class(self, kind: type) -> Iterator[str]:
+        yield kind.__qualname__
+        if module := self._module(home_of(kind)):
+            yield module
+            return
+        yield from map(self.of, (type(kind), *kind.__bases__))
+        for name, value in sorted(vars(kind).items()):
+            if name not in _ASIDE and self._counts(home_of(kind), value):
+                yield f"{name} = {self.of(value)}"
+
+    def _function(self, function: FunctionType) -> Iterator[str]:
+        yield function.__qualname__
+        home, inside = function.__globals__.get("__name__", ""), vars(function)
+        cells = [_content(cell) for cell in function.__closure__ or ()]
+        if module := self._module(home):
+            # What a decorator of an installed package makes of a function reaches that.
+            yield module
+            yield from map(self.of, filter(_has_code, cells))
+            yield from (self.of(inside[name]) for name in ("__wrapped__", "registry") if name in inside)
+            return
+        yield self._source(function)
+        yield from map(self.of, (function.__defaults__, function.__kwdefaults__, cells, inside))
+        for name in sorted(set(_names(function.__code__)) & function.__globals__.keys()):
+            if self._counts(home, function.__globals__[name]):
+                yield f"{name} = {self.of(function.__globals__[name])}"
+        if home in _PROGRAMS:
+            yield digest_of_files(_imported_late(function))
+
+    def _source(self, function: FunctionType) -> str:
+        """Its source; what stands for its instructions where there is none."""
+        if id(function) not in self._sources:
+            try:
+                text = inspect.getsource(function.__code__)  # of itself, not of what it wraps
+            except (OSError, TypeError, SyntaxError, IndexError):
+                text = self.of(function.__code__)
+            self._sources[id(function)] = text
+        return self._sources[id(function)]
+
+    def _counts(self, home: str, value: Any) -> bool:
+        """Whether a value of a place counts: of programs all, else code and plain values.
+
+        An installed package may keep in others what it has met so far.
+        """
+        return home in _PROGRAMS or home not in sys.modules or type(value) in _PLAIN or _has_code(value)
+
+    def _instructions(self, code: CodeType) -> Iterator[str]:
+        yield f"{code.co_code.hex()} {code.co_names} {code.co_varnames}"
+        yield from map(self.of, code.co_consts)
+
+    def _object(self, value: Any) -> Iterator[str]:
+        """What an object would be pickled as: it need not be possible."""
+        reduced: Any
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                pickled = copyreg.dispatch_table.get(type(value))
+                reduced = pickled(value) if pickled else value.__reduce_ex__(4)
+            if isinstance(reduced, str):
+                reduced = type(value), reduced
+        except Exception:
+            reduced = type(value), (), getattr(value, "__dict__", None)
+        make, arguments, state, items, pairs = (*reduced, None, None, None)[:5]
+        yield from map(self.of, (make, arguments, _lasting(type(value), state)))
+        yield from map(self.of, items or ())
+        yield from self._pairs(pairs or ())
 
 
-def _reaches(value: Any, module: str) -> bool:
-    """Whether a value is a function or class of that module; functions that numba compiles have `py_func`."""
-    return _has_code(getattr(value, "py_func", value)) and home_of(value) == module
+def _hashed(data: str | bytes) -> str:
+    text = data.encode(errors="backslashreplace") if isinstance(data, str) else data
+    return hashlib.sha256(text).hexdigest()
 
 
-def _source(function: FunctionType) -> str:
-    """Its source; its instructions where there is none."""
+def _content(cell: Any) -> Any:
     try:
-        return inspect.getsource(function)
-    except (OSError, TypeError):
-        return _instructions(function.__code__)
+        return cell.cell_contents
+    except ValueError:  # nothing is in it yet
+        return None
 
 
-def _instructions(code: CodeType) -> str:
-    constants = [
-        _instructions(c) if isinstance(c, CodeType) else " ".join(_state(c, set())) for c in code.co_consts
-    ]
-    return f"{code.co_code.hex()} {code.co_names} {code.co_varnames} {constants}"
+def _lasting(kind: type, state: Any) -> Any:
+    """The state of an object without what it only keeps for later."""
+    if type(state) is tuple:
+        return tuple(_lasting(kind, part) for part in state)
+    if type(state) is not dict:
+        return state
+    of = {name: inspect.getattr_static(kind, str(name), None) for name in state}
+    kept = {k: v for k, v in state.items() if not isinstance(of[k], functools.cached_property)}
+    return kept or None  # as of an object that has none yet
 
 
 def _names(code: CodeType) -> Iterator[str]:
     """Global names that a function, and those within it, may look up."""
-    yield from code.co_names
+    for step in dis.get_instructions(code):
+        if step.opname.startswith("LOAD_") and ("GLOBAL" in step.opname or step.opname == "LOAD_NAME"):
+            yield step.argval
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
             yield from _names(constant)
 
 
-def _state(value: Any, seen: set[int]) -> Iterator[str]:
-    """What tells apart the attributes of two objects."""
-    if isinstance(value, dict):
-        for key, part in value.items():
-            yield repr(key)
-            yield from _state(part, seen)
-    elif isinstance(value, (list, tuple)):
-        for part in value:
-            yield from _state(part, seen)
-    elif isinstance(value, (set, frozenset)):
-        yield from sorted(map(repr, value))
-    elif _has_code(value):
-        yield from _code(value, seen)
-    elif home_of(type(value)) == "__main__":
-        yield from _code(type(value), seen)
-        yield from _state(vars(value), seen)
-    else:
-        try:
-            yield hashlib.sha256(pickle.dumps(value, protocol=4)).hexdigest()
-        except Exception:  # what cannot be pickled is told apart by its kind alone
-            yield type(value).__qualname__
+def _imported_late(function: FunctionType) -> dict[Path, bytes]:
+    """The files beside a program that one of its functions imports when it runs, and what these import."""
+    program = getattr(sys.modules.get(function.__globals__["__name__"]), "__file__", None)
+    package = function.__globals__.get("__package__") or ""
+    here = Path(program).resolve().parent if isinstance(program, str) else Path.cwd()
+    top = here.parents[package.count(".")] if package else here
+    files: list[Path] = []
+    for name, names, level in _imports(function.__code__):
+        base = (here, *here.parents)[level - 1] if level else top
+        for last in ("", *names):
+            parts = [*name.split("."), *filter(None, [last])]
+            files += files_named(parts, [base], top)
+    return with_imports(contents(files), top)
 
 
-def _short(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()[:12]
+def _imports(code: CodeType) -> Iterator[tuple[str, tuple[str, ...], int]]:
+    """By import within a function: the module, what is taken from it, how far up it begins."""
+    steps = [step for step in dis.get_instructions(code) if step.opname != "EXTENDED_ARG"]
+    for level, names, step in zip(steps, steps[1:], steps[2:], strict=False):
+        if step.opname == "IMPORT_NAME" and step.argval.partition(".")[0] != "layoutexplore":
+            yield step.argval, names.argval or (), level.argval
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _imports(constant)

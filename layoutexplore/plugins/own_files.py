@@ -55,9 +55,17 @@ def with_imports(files: dict[Path, bytes], folder: Path) -> dict[Path, bytes]:
         here = unread.pop()
         for path in _imported(here, found[here], folder):
             if path not in found:
-                with contextlib.suppress(OSError):  # it may never be imported
-                    found[path] = path.read_bytes()
-                    unread.append(path)
+                found |= (content := contents([path]))
+                unread += content
+    return found
+
+
+def contents(paths: Iterable[Path]) -> dict[Path, bytes]:
+    """What files hold; those that cannot be read are left out: they may never be imported."""
+    found = {}
+    for path in paths:
+        with contextlib.suppress(OSError):
+            found[path] = path.read_bytes()
     return found
 
 
