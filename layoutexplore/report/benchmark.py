@@ -88,6 +88,7 @@ class AgentLine:
         summary: Plain figures.
         reached: By level, the share of its runs that reached it, NaN for levels that were not measured.
         metres: By level, their mean, NaN likewise.
+        distance: Metres in all, their mean.
     """
 
     agent: str
@@ -97,6 +98,7 @@ class AgentLine:
     summary: AgentSummary
     reached: dict[str, float]
     metres: dict[str, float]
+    distance: float
 
     @property
     def reached_text(self) -> str:
@@ -215,8 +217,9 @@ def headline(rows: Sequence[Row], baseline: str, comparisons: Sequence[Compariso
         # compared with nobody, also where the baseline ran: nothing was seen to 90 %
         summaries = summarise_agents(part, "", lambda _: np.empty((0, 2)))
         table = _table(part, [], summaries, measured_levels(rows), level)
-        header = ("agent", *(f"metres to {text}" for _, text in names))
-        return [header, *((line.agent, *(number(line.metres[m], 1) for m, _ in names)) for line in table)]
+        metres = [(line.agent, *(line.metres[m] for m, _ in names), line.distance) for line in table]
+        header = ("agent", *(f"metres to {text}" for _, text in names), "in all")
+        return [header, *((agent, *(number(value, 1) for value in found)) for agent, *found in metres)]
     by_agent: dict[str, dict[str, Comparison]] = {agent: {} for agent in agents_of(part)}
     for c in comparisons:
         by_agent[c.agent][c.metric] = c
@@ -260,7 +263,8 @@ def _table(
             for prefix in ("d", "reached")
         )
         knows, main = agent in knowing, found.get(level)
-        lines.append(AgentLine(agent, knows, found, main, summary_of[agent], reached, metres))
+        walked = _mean(mine, "distance")
+        lines.append(AgentLine(agent, knows, found, main, summary_of[agent], reached, metres, walked))
     return sorted(lines, key=lambda line: (_rank(line.main), line.metres[level] if level else 0, line.agent))
 
 

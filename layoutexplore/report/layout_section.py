@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from layoutexplore.benchmark.analysis import Comparison, Curves
+from layoutexplore.benchmark.analysis import Comparison, Curves, headline_level, measured_levels
 from layoutexplore.benchmark.counterfactual import Counterfactual, DecisiveDecision
 from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops, has_stop_rule, tried_stops
 from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
@@ -44,12 +44,11 @@ MARGIN = 1.0
 
 @dataclass(frozen=True)
 class EffectLine:
-    """A row of the tables: an agent's effects beside its ratios to the baseline."""
+    """A row of the tables: an agent's effects beside its ratios to the baseline by level."""
 
     effect: LayoutEffect
     privileged: bool
-    d95: Comparison | None
-    d99: Comparison | None
+    ratios: dict[str, Comparison]
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ def layout_section(
     looks: Mapping[str, Look],
     knowing: Collection[str],
 ) -> dict[str, Any]:
-    """What the templates show about layouts: `effects` by group, `decisive` and `stops`.
+    """What the templates show about layouts: `effects` by group at levels, `decisive` and `stops`.
 
     Each empty where there is nothing.
     """
@@ -92,11 +91,11 @@ def layout_section(
     by_group: dict[str, list[EffectLine]] = {}
     for effect in effects:
         mine = {c.metric: c for c in comparisons if (c.sensor, c.agent) == (effect.sensor, effect.agent)}
-        line = EffectLine(effect, effect.agent in knowing, mine.get("d95"), mine.get("d99"))
+        line = EffectLine(effect, effect.agent in knowing, mine)
         by_group.setdefault(effect.sensor, []).append(line)
     for lines in by_group.values():
         lines.sort(key=lambda line: (line.effect.agent.partition(":")[0], line.privileged, line.effect.agent))
-    best = _best(next(iter(by_group.values()), []))
+    best = _best(next(iter(by_group.values()), []), rows)
     stops: dict[str, list[EarlyStop]] = {}
     noted = functools.cache(lambda row: None if (log := folder.log(row)) is None else Counterfactual(log, ()))
     tried = tried_stops(rows, baseline, best, curves, noted) if best else []
@@ -104,18 +103,25 @@ def layout_section(
         stops.setdefault(stop.sensor, []).append(stop)
     return {
         "effects": by_group,
+        "effect_levels": measured_levels(rows)[-2:],
         "decisive": _decisive(folder, rows, best),
         "stops": {name: (stop_plot(found, looks), found) for name, found in stops.items()},
     }
 
 
-def _best(lines: Sequence[EffectLine]) -> str:
-    """The agent that predicts, does not stop by itself and needs the fewest metres to 95 %.
+def _best(lines: Sequence[EffectLine], rows: Sequence[Row]) -> str:
+    """The agent that predicts, does not stop by itself and needs the fewest metres to the level that ranks.
 
-    Empty where there is none.
+    In all, where no level was measured or there is nothing to compare with; empty where there is none.
     """
+    level = headline_level(rows)
+
+    def needed(line: EffectLine) -> tuple[float, float]:
+        mine = [row.distance for row in rows if row.agent == line.effect.agent and not row.error]
+        return line.ratios[level].ratio.estimate if level in line.ratios else math.inf, float(np.mean(mine))
+
     honest = [line for line in lines if not line.privileged and not has_stop_rule(line.effect.agent)]
-    best = min(honest, key=lambda line: line.d95.ratio.estimate if line.d95 else math.inf, default=None)
+    best = min(honest, key=needed, default=None)
     return best.effect.agent if best else ""
 
 
@@ -257,6 +263,7 @@ def prior_section(
 ) -> list[BeliefLine]:
     """A line for each agent with a plan known beforehand; empty where there is none."""
     base = {row.key[:3]: row for row in rows if row.agent == baseline and not row.error}
+    level = (measured_levels(rows) or ("",))[-1]
     by_agent: dict[str, list[tuple[Row, BelievedPlan]]] = {}
     for row in rows:
         found = None if row.error else believed_plan(folder.curve_path(row).with_suffix(SUFFIX))
@@ -272,7 +279,7 @@ def prior_section(
                 median=_line(np.median(curves, axis=0)),
                 runs=tuple(_line(curve) for curve in curves),
                 sure=float(curves[:, len(STEPS) // 2].mean()),
-                shown=_runs_shown(runs, base),
+                shown=_runs_shown(runs, base, level),
             )
         )
     return lines
@@ -291,20 +298,20 @@ def _line(curve: Floats) -> str:
 
 
 def _runs_shown(
-    runs: Sequence[tuple[Row, BelievedPlan]], base: Mapping[tuple[str, int, str], Row]
+    runs: Sequence[tuple[Row, BelievedPlan]], base: Mapping[tuple[str, int, str], Row], level: str
 ) -> tuple[BeliefRun, ...]:
-    """The run that gained most and the one that gained least against the baseline."""
-    compared = ((row, base.get(row.key[:3])) for row, _ in runs)
-    ratios = [
-        (row.d99 / other.d99 if other and other.d99 > 0 else 1.0, k)
-        for k, (row, other) in enumerate(compared)
-    ]
+    """The run that gained most and the one that gained least against the baseline, at a level or in all."""
+    ratios, scale = [], f"to {level[1:]}{_NBSP}%" if level else "in all"
+    for k, (row, _) in enumerate(runs):
+        other = base.get(row.key[:3])
+        mine, theirs = (getattr(each, level or "distance") if each else 0.0 for each in (row, other))
+        ratios.append((mine / theirs if theirs > 0 else 1.0, k))
     found: list[BeliefRun] = []
     for word, (ratio, k) in (("gained most", min(ratios)), ("gained least", max(ratios))):
         row, plan = runs[k]
         if found and found[0].row is row:
             continue
-        why = f"{word}, {number(ratio)} of the metres to 99{_NBSP}%"
+        why = f"{word}, {number(ratio)} of the metres {scale}"
         pictures = tuple(_belief_picture(plan, n) for n in range(len(plan.at)))
         found.append(BeliefRun(row, why, pictures))
     return tuple(found)

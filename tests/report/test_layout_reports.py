@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from layoutexplore.agents import make_agent
+from layoutexplore.benchmark.analysis import compare
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.early_stop import RunStop, summarise_stops
 from layoutexplore.benchmark.runner import run_benchmark
@@ -38,8 +39,9 @@ from layoutexplore.predictors import RoomLabels, make_room_predictor
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.report.benchmark import write_benchmark_report
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
-from layoutexplore.report.layout_section import stop_plot
+from layoutexplore.report.layout_section import layout_section, stop_plot
 from layoutexplore.report.partial_rooms import Gallery, draw_room, write_partial_rooms_report
+from layoutexplore.report.templates import render
 from layoutexplore.training.snapshots import explore_plan
 from tests.plans import OFFICES
 
@@ -149,6 +151,25 @@ def test_decisive_moments_are_drawn(tmp_path: Path, folder: ResultsFolder) -> No
             assert math.isnan(moment.seen_after) or f"{moment.seen_after:.0f}" in picture.outcome
             drawn += 1
     assert drawn
+
+
+@pytest.mark.parametrize("measured", [("d90",), ()])
+def test_moments_are_those_of_the_agent_that_is_best_where_runs_were_ended(
+    folder: ResultsFolder, measured: tuple[str, ...]
+) -> None:
+    """Runs with the flipped predictor are made the shorter ones, to the level measured or in all."""
+    rows = []
+    for row in folder.rows():
+        metres = 5.0 if row.agent == FLIPPED else 10.0
+        levels = {name: metres if name in measured else math.nan for name in ("d90", "d95", "d99")}
+        rows.append(dataclasses.replace(row, distance=metres, reached99=False, **levels))
+    comparisons = compare(rows, "nearest")
+    section = layout_section(folder, rows, comparisons, "nearest", folder.curve, {}, ())
+    assert {picture.row.agent for picture in section["decisive"]} == {FLIPPED}
+    assert section["effect_levels"] == measured and not section["stops"]
+    view = {"baseline": "nearest", "pooled": "", "replay": None, **section}
+    html = render("layout_section.html", **view).replace("\N{NO-BREAK SPACE}", " ")
+    assert ("metres to 90 %,<br>of nearest" in html) == bool(measured) and "metres to 95 %" not in html
 
 
 def test_a_report_without_layouts_has_no_such_parts(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import NAN, Row
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing.beliefs import SUFFIX
 from layoutexplore.files import write_arrays
@@ -54,3 +54,16 @@ def test_the_page_has_it_and_others_do_not(tmp_path: Path) -> None:
     assert AGENT in page and page.count("data:image/png") == 2 and page.count("<path") == 2
     assert "Plans known" not in render("prior_section.html", beliefs=[], baseline="nearest")
     assert prior_section(folder, [rows[0]], "nearest", {}) == []
+
+
+def test_runs_that_were_ended_early_are_compared_where_they_were_measured(tmp_path: Path) -> None:
+    folder, rows = folder_of(tmp_path, {"a": 0.8, "b": 0.6})
+    goals = {0.92: "to 90\N{NO-BREAK SPACE}%", 0.5: "in all"}
+    for goal, scale in goals.items():
+        d90 = {"d90" if goal > 0.9 else "distance": 7.0}
+        ended = [dataclasses.replace(row, d95=NAN, d99=NAN, **d90) for row in rows]
+        shorter = {"d90" if goal > 0.9 else "distance": 3.5}
+        ended[3] = dataclasses.replace(ended[3], **shorter)
+        (line,) = prior_section(folder, ended, "nearest", {})
+        assert line.shown[0].title.endswith(f"b, start 0, stage: gained most, 0.50 of the metres {scale}")
+        assert "gained least, 1.00" in line.shown[1].title

@@ -250,6 +250,7 @@ def test_a_report_without_the_baseline(folder: ResultsFolder) -> None:
         "metres to 90 %",
         "metres to 95 %",
         "metres to 99 %",
+        "in all",
     )
     write_benchmark_report(folder)
 
@@ -303,11 +304,17 @@ def test_runs_ended_below_95_percent_are_ranked_at_90(folder: ResultsFolder) -> 
     assert "| 100 / – / – % |" in text and "buildings equal, 90 %" in text
     assert "Metres to 90 % by floor plan" in text
     html = html.replace("\N{NO-BREAK SPACE}", " ")
+    assert 'title="to 90 %: ' in html and 'title="to 95 %: ' not in html
     assert "metres of nearest to 90 %" in html and "m to 90 %" in html and "95 % not reached" not in html
     never = [dataclasses.replace(row, d90=math.nan, d95=math.nan) for row in rows]
     view = report_view(folder, never, folder.manifest(), "nearest", compare(never, "nearest"))
     html = render("benchmark.html", **view).replace("\N{NO-BREAK SPACE}", " ")
     assert "Runs were ended below 90 %, so there is nothing to compare with" in html and not view["best"]
+    assert "read 95 % and 99 % together" not in html and "<th>in all</th>" in html
+    (line, *_) = view["groups"][0].table
+    assert f"<td>{line.agent}</td><td>–</td><td>–</td><td>–</td><td>{line.distance:.1f}</td>" in html
+    table = headline(never, "nearest", [])
+    assert table[0][-1] == "in all" and (line.agent, "–", "–", "–", f"{line.distance:.1f}") in table
 
 
 def test_agents_that_ran_other_cells_do_not_pass_for_equal(folder: ResultsFolder) -> None:
