@@ -36,10 +36,19 @@ _DEGREES = (4326, 4258, 4267, 4269, 4283, 4979, 6318, 7844)
 _MERCATOR = (3857, 3785, 900913, 102100, 102113)
 _FEET = (
     *(range(2222, 2290), range(2867, 2931)),  # state planes of the United States by NAD83 and its HARN,
-    *(range(26729, 26800), range(32001, 32059)),  # by NAD27,
+    *(range(3417, 3439), range(3441, 3447), range(3451, 3460), range(3560, 3571), range(3734, 3740)),
+    *(range(2964, 2969), range(3753, 3761), range(26847, 26859), (2992, 2994, 3089, 3091)),
+    *(range(3359, 3366, 2), (3404,)),
+    *(range(26729, 26800), range(32001, 32059), (2204, 3080, 32099)),  # by NAD27,
+    *(range(3479, 3488, 2), range(3490, 3513, 2), range(3515, 3554, 2), range(3582, 3591, 2), (3593,)),
+    *((3598, 3600, 3605, 3608), range(3610, 3637, 2), range(3640, 3665, 2), range(3668, 3677, 2)),
+    *((3677, 3679, 3680, 3682, 3683), range(3686, 3693, 2), range(3696, 3701, 2), range(3728, 3734)),
+    range(26859, 26871),  # by NAD83(NSRS2007),
     *(range(6405, 6414, 2), range(6416, 6439, 2), range(6441, 6480, 2), range(6484, 6497, 2)),
     *(range(6499, 6508, 2), range(6519, 6566, 2), range(6568, 6579, 2), range(6582, 6591, 2)),
-    *(range(6593, 6610, 2), range(6612, 6619, 2)),  # and by NAD83(2011).
+    *(range(6593, 6610, 2), range(6612, 6619, 2), range(6625, 6628), (6510, 6515, 6517, 9748, 9749)),
+    # ... and by NAD83(2011). Blocks of the Gulf of Mexico.
+    *(range(32064, 32068), range(32074, 32078), range(32164, 32168), range(32664, 32668)),
 )
 _METRES = (
     *(range(32601, 32661), range(32701, 32761), range(25828, 25838)),  # UTM by WGS84 and ETRS89,
@@ -81,10 +90,11 @@ def measure_of(crs: str) -> Measure:
         >>> measure_of("urn:ogc:def:crs:OGC:1.3:CRS84"), measure_of("EPSG:25833")
         ('degrees', 'metres')
     """
-    if re.search(r"\bCRS(84|83|27)h?$", crs.strip()):
+    if re.search(r"\bCRS(84|83|27)h?/*$", crs.strip()):
         return "degrees"
-    match = re.search(r"(?:^|[:/#])(\d{4,6})$", crs.strip())
-    code = int(match[1]) if match else 0
+    code = _code(crs.strip())
+    if not code and re.search(r"\b(?:web|pseudo)[ _-]?mercator", crs.replace("_", " "), re.IGNORECASE):
+        return "mercator"
     if code in _DEGREES:
         return "degrees"
     if code in _MERCATOR:
@@ -92,6 +102,13 @@ def measure_of(crs: str) -> Measure:
     if any(code in codes for codes in _FEET):
         return "feet"
     return "metres" if any(code in codes for codes in _METRES) else "unknown"
+
+
+def _code(crs: str) -> int:
+    """The code in the name of a system; 0 without one. Of several, of place and height, it is the first."""
+    named = r"(?:epsg|esri)(?:\.io|\.xml)?[:/#]+\s*(?:[\d.]+[:/]+)?(\d{4,6})(?!\d)"
+    match = re.search(named, crs, re.IGNORECASE) or re.search(r"(?:^|[:/#])(\d{4,6})/*$", crs)
+    return int(match[1]) if match else 0
 
 
 @checks_arguments

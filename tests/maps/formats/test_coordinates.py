@@ -44,6 +44,42 @@ def test_names_of_coordinate_systems(crs: Any, name: str | None, measure: str) -
     assert measure_of(told) == measure
 
 
+@pytest.mark.parametrize(
+    "name",
+    [
+        "http://www.opengis.net/def/crs/EPSG/0/3857",
+        "http://www.opengis.net/def/crs/EPSG/9.9.1/3857/",
+        "http://spatialreference.org/ref/epsg/3857/proj4/",
+        "https://spatialreference.org/ref/epsg/3857/",
+        "https://epsg.io/3857.json",
+        "http://www.opengis.net/gml/srs/epsg.xml#3857",
+        "urn:ogc:def:crs,crs:EPSG::3857,crs:EPSG::5773",
+        "EPSG:3857+5773",
+        "epsg:3857 ",
+        "WGS 84 / Pseudo-Mercator",
+        "WGS_1984_Web_Mercator_Auxiliary_Sphere",
+    ],
+)
+def test_names_of_web_mercator(name: str) -> None:
+    assert measure_of(name) == "mercator"
+
+
+def test_other_names_with_numbers_are_no_codes() -> None:
+    for name in ("http://plans.org/3857/floor", "EPSG:38570", "NAD83 / Mercator", "EPSG:385"):
+        assert measure_of(name) == "unknown"
+    assert measure_of("http://www.opengis.net/def/crs/OGC/1.3/CRS84/") == "degrees"
+
+
+def test_state_planes_in_feet_are_told_from_their_neighbours_in_metres() -> None:
+    """Between them lie grids of Oman, Belgium and Jamaica, and the same state planes in metres."""
+    metres = {3439, 3440, 3447, 3448, 3449, 3450}
+    assert {code for code in range(3417, 3459) if measure_of(f"EPSG:{code}") != "feet"} == metres
+    for code in (3734, 3735, 3560, 2965, 3089, 3481, 3612, 3670, 3700, 26847, 9748, 6515):
+        assert measure_of(f"EPSG:{code}") == "feet"
+    for code in (3480, 3488, 3489, 3513, 3514, 3555, 3591, 3594, 3637, 3666, 3701, 3740, 3752, 2993, 6514):
+        assert measure_of(f"EPSG:{code}") != "feet"
+
+
 def mercator(lon: float, lat: float) -> tuple[float, float]:
     """The textbook's formula."""
     radius = 6_378_137.0
