@@ -30,7 +30,7 @@ from layoutexplore.files.schema import Items, Number, Record, Text
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.levels import choose_level
-from layoutexplore.maps.formats.polygons import Dropped, mended
+from layoutexplore.maps.formats.polygons import Dropped, room_parts
 from layoutexplore.maps.shared_walls import WALL_THICKNESS, Opening, plan_from_outlines
 from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines, check_overlaps
 
@@ -51,6 +51,7 @@ _PAIRS = 10
 
 _TOUCH = 0.02
 _SNAP = 1e-4
+_HAIR = 1e-3
 _LEAST_PASSAGE = 0.6
 _PLACE = Number(low=-MOST_METRES, high=MOST_METRES)
 _OUTLINE = Text(most=32_000_000)
@@ -104,7 +105,9 @@ def load_ifc(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     if without_shape:
         dropped.counts["spaces of the model have no shape and are left out"] = without_shape
     spaces = [
-        (label, shape) for label, text in floor["spaces"] for shape in mended(_shape(text), dropped)[:1]
+        (label, part)
+        for label, text in floor["spaces"]
+        for part in room_parts(_joined(_shape(text)), dropped)
     ]
     solid = _shape(floor["solid"])
     check_outlines(where, [solid])
@@ -182,6 +185,11 @@ def _extracted(path: Path, _changed: int, _size: int) -> dict[str, Any]:
 
 def _shape(text: str) -> BaseGeometry:
     return shapely.from_wkt(text)
+
+
+def _joined(space: BaseGeometry) -> BaseGeometry:
+    """A space whose triangles left a gap of a hair between them, as one."""
+    return shapely.set_precision(space, _HAIR) if space.geom_type == "MultiPolygon" else space
 
 
 def _check_overlaps(where: str, spaces: list[Polygon]) -> None:

@@ -25,7 +25,7 @@ from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.geographic import LocalFrame
 from layoutexplore.maps.formats.levels import choose_level, numbers_of
-from layoutexplore.maps.formats.polygons import Dropped, mended
+from layoutexplore.maps.formats.polygons import Dropped, room_parts
 from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
 from layoutexplore.maps.sizes import check_count
 
@@ -71,6 +71,21 @@ class _Building:
         return np.array([self.places[key] for key in keys if key in self.places]).reshape(-1, 2)
 
 
+@dataclass(frozen=True)
+class _Rooms:
+    """The rooms of a floor by number, and those of each way: several where its outline falls apart."""
+
+    outlines: dict[int, Polygon]
+    of_ways: list[tuple[_Element, list[int]]]
+
+    def nearest(self, numbers: list[int], x: float, y: float) -> int:
+        """That of some rooms whose outline is nearest to a place in metres; 0 of none."""
+        if len(numbers) < 2:
+            return numbers[0] if numbers else 0
+        place = shapely.Point(x, y)
+        return min(numbers, key=lambda number: self.outlines[number].exterior.distance(place))
+
+
 @checks_arguments
 def osm_levels(path: str | os.PathLike[str]) -> list[str]:
     """The floors that have rooms, from below."""
@@ -102,22 +117,23 @@ def load_osm(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     if not len(points_of_all):
         raise MapError(f"{dropped.path}: no node of this floor's rooms is in the file")
     frame = LocalFrame.around(points_of_all)
-    outlines: dict[int, Polygon] = {}
-    rooms: dict[int, _Element] = {}
+    rooms = _Rooms({}, [])
     for way in ways:
         points = frame.to_metres(building.points(way))
         if len(points) < 4 or not np.array_equal(points[0], points[-1]):
             dropped.add("rooms whose outline is not closed are left out")
             continue
         holes = [frame.to_metres(building.points_of(hole)) for hole in way.holes]
-        for outline in mended(Polygon(points, [hole for hole in holes if len(hole) > 3]), dropped)[:1]:
-            rooms[len(outlines) + 1] = way
-            outlines[len(outlines) + 1] = outline
+        numbers: list[int] = []
+        for outline in room_parts(Polygon(points, [hole for hole in holes if len(hole) > 3]), dropped):
+            numbers.append(len(rooms.outlines) + 1)
+            rooms.outlines[numbers[-1]] = outline
+        rooms.of_ways.append((way, numbers))
     openings = [*_doors(building, name, rooms, frame, path), *_passages(building, name, rooms, frame, path)]
     dropped.warn()
     return plan_from_outlines(
-        outlines,
-        {number: way.label for number, way in rooms.items()},
+        rooms.outlines,
+        {number: way.label for way, numbers in rooms.of_ways for number in numbers},
         openings,
         name=f"{path.stem}-{name}",
         building=path.stem,
@@ -221,23 +237,25 @@ def _levels(building: _Building, path: Path) -> list[str]:
 
 
 def _doors(
-    building: _Building, level: str, rooms: dict[int, _Element], frame: LocalFrame, path: Path
+    building: _Building, level: str, rooms: _Rooms, frame: LocalFrame, path: Path
 ) -> Iterator[Opening]:
     """Nodes that are doors, on the outlines of this floor's rooms; `MapError` where they are too many."""
-    users: dict[str, list[int]] = {}
-    for number, way in rooms.items():
-        for key in set(way.nodes):
-            users.setdefault(key, []).append(number)
+    users: dict[str, list[list[int]]] = {}
+    for way, numbers in rooms.of_ways:
+        for key in set(way.nodes) if numbers else ():
+            users.setdefault(key, []).append(numbers)
     doors = []
     for node in building.nodes:
         if not {"door", "entrance"} & set(node.tags) or (node.levels and level not in node.levels):
             continue
         sides = users.get(node.key, [])
         if sides or node.levels:  # else somewhere else in the file
-            doors.append((node, (sides[0], sides[1]) if len(sides) == 2 else None))
+            doors.append((node, sides))
     check_count(str(path), "doors", len(doors))
-    for node, pair in doors:
+    for node, sides in doors:
         x, y = frame.to_metres(building.points(node))[0].tolist()
+        found = [rooms.nearest(side, x, y) for side in sides]
+        pair = (found[0], found[1]) if len(found) == 2 else None
         yield Opening((x, y), _width(node.tags), pair)
 
 
@@ -251,21 +269,22 @@ def _width(tags: dict[str, str]) -> float:
 
 
 def _passages(
-    building: _Building, level: str, rooms: dict[int, _Element], frame: LocalFrame, path: Path
+    building: _Building, level: str, rooms: _Rooms, frame: LocalFrame, path: Path
 ) -> Iterator[Opening]:
     """Ways that are passages of an area graph, between areas of this floor or out of one; errors as above."""
-    numbers = {way.key: number for number, way in rooms.items()}
+    numbers = {way.key: found for way, found in rooms.of_ways}
     passages = []
     for way in building.ways:
         if way.tags.get("osmAG:type") != "passage" or (way.levels and level not in way.levels):
             continue
-        sides = sorted(numbers.get(way.tags.get(f"osmAG:{end}", ""), 0) for end in ("from", "to"))
-        if sides[1] > 0:  # else stairs to another floor, or a passage of the ground outside
-            passages.append((way, (sides[0], sides[1])))
+        sides = [numbers.get(way.tags.get(f"osmAG:{end}", ""), []) for end in ("from", "to")]
+        if any(sides):  # else stairs to another floor, or a passage of the ground outside
+            passages.append((way, sides))
     check_count(str(path), "passages", len(passages))
-    for way, pair in passages:
+    for way, sides in passages:
         points = frame.to_metres(building.points(way))
         line = shapely.LineString(points) if len(points) > 1 else None
         if line is not None and line.length > 0:
             middle = line.interpolate(0.5, normalized=True)
-            yield Opening((middle.x, middle.y), float(line.length), pair)
+            one, other = sorted(rooms.nearest(side, middle.x, middle.y) for side in sides)
+            yield Opening((middle.x, middle.y), float(line.length), (one, other))

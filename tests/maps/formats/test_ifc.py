@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shapely import box
+from shapely import MultiPolygon, Polygon, box
 
 from layoutexplore.errors import MapError, MapWarning, MissingExtraError
 from layoutexplore.maps import load_plan
@@ -158,6 +158,16 @@ def of_spaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, spaces: list[Any]
     path = tmp_path / "storey.ifc"
     path.write_text("")
     return path
+
+
+def test_spaces_that_fall_apart_keep_their_parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    apart = box(0, 0, 4, 3) | box(5, 0, 9, 3) | box(10, 0, 10.9, 1)
+    with pytest.warns(MapWarning, match="1 parts of rooms are left out"):
+        plan = ifc.load_ifc(of_spaces(tmp_path, monkeypatch, [apart, box(0, 4, 9, 6)], []))
+    assert sorted(round(room.polygon.centroid.x, 1) for room in plan.rooms) == [2.0, 4.5, 7.0]
+    halves = Polygon([(0, 0), (4, 0), (4, 3)]), Polygon([(0, 0.0003), (4, 3.0003), (0, 3)])
+    plan = ifc.load_ifc(of_spaces(tmp_path, monkeypatch, [MultiPolygon(halves)], []))
+    assert len(plan.rooms) == 1  # cut by a hair
 
 
 def test_a_storey_of_a_thousand_rooms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

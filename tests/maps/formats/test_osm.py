@@ -52,7 +52,7 @@ def test_entrances_widths_and_open_outlines(tmp_path: Path) -> None:
         and "crossed themselves" in said
         and "1 of 2 doors lie on no wall" in said
     )
-    assert len(plan.rooms) == 2
+    assert len(plan.rooms) == 3  # one that crosses itself is two
     assert [(door.rooms, door.width) for door in plan.doors] == [((0, 1), pytest.approx(1.6))]
 
 
@@ -111,6 +111,31 @@ def test_multipolygons_are_rooms_with_holes(tmp_path: Path) -> None:
     areas = {room.label: room.polygon.area for room in plan.rooms}
     assert areas["hall"] == pytest.approx(11.8 * 9.8 - 4.2 * 3.2)
     assert [door.rooms for door in plan.doors] == [(1, 2)]
+
+
+def test_rooms_that_fall_apart_keep_their_parts(tmp_path: Path) -> None:
+    """A hole cuts a hall in two, and a way crosses itself: doors lead into the part that they are at."""
+    file = OsmFile()
+    hall = [(0, 0), (4, 0), (6, 0), (10, 0), (10, 2), (10, 4), (6, 4), (4, 4), (0, 4), (0, 2), (0, 0)]
+    shaft = [(4, 0), (6, 0), (6, 4), (4, 4), (4, 0)]
+    file.multipolygon([hall], shaft, indoor="area", level="0", room="hall")
+    file.way([(10, 0), (14, 0), (14, 4), (10, 4), (10, 2), (10, 0)], indoor="room", level="0", room="end")
+    bow = [(0, 10), (4, 13), (4, 11.5), (4, 10), (0, 13), (0, 11.5), (0, 10)]
+    file.way(bow, indoor="room", level="0", room="bow")
+    file.way([(4, 10), (8, 10), (8, 13), (4, 13), (4, 11.5), (4, 10)], indoor="room", level="0", room="side")
+    for x, y in ((10, 2), (0, 2), (4, 11.5), (0, 11.5)):
+        file.node(x, y, door="yes", level="0")
+    with pytest.warns(MapWarning, match="crossed themselves"):
+        plan = load_plan(file.write(tmp_path / "apart.osm"))
+    names = {0: "outside"}
+    names |= {n: f"{room.label} at {room.polygon.centroid.x:.0f}" for n, room in enumerate(plan.rooms, 1)}
+    assert {tuple(sorted(names[n] for n in door.rooms)) for door in plan.doors} == {
+        ("end at 12", "hall at 8"),
+        ("hall at 2", "outside"),
+        ("bow at 3", "side at 6"),
+        ("bow at 1", "outside"),
+    }
+    assert len(plan.rooms) == 6 and len(plan.doors) == 4
 
 
 def test_multipolygons_that_are_not_closed_are_left_out(tmp_path: Path) -> None:
