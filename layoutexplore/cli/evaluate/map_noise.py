@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.files import check_places, to_toml, write_atomically, write_json
+from layoutexplore.files import check_file, check_places, to_toml, write_atomically, write_json
 
 if TYPE_CHECKING:
     from layoutexplore.grids.arrays import Floats
@@ -51,7 +51,9 @@ def map_noise(
     from layoutexplore.training.map_noise.simulate import WIDE
 
     check_places(maps, json_file)
-    check_places(None, out)
+    check_places(None, out, file="--out")
+    if out is not None:
+        check_file(out, suffixes=(".toml",))
     names = [name for plan in plans for name in expand_plans(plan)]
     config = read_noise(noise) if noise else WIDE
     table, groups = describe_folders(real, resolution)

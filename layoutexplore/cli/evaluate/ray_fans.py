@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from layoutexplore.files import check_places
+from layoutexplore.files import check_file, check_places
 
 
 def train_fans(
@@ -26,6 +26,7 @@ def train_fans(
     from layoutexplore.training.map_noise.ray_fans import train_on_simulated_maps
 
     check_places(None, out, file="--out")
+    check_file(out, suffixes=(".json",))
     names = [plan for text in plans or () for plan in expand_plans(text)]
     forest = train_on_simulated_maps(simulated, names, seed=seed, progress=progress_lines())
     note = f"log-odds that a region lies outside; trained on {simulated} simulated maps, seed {seed}"

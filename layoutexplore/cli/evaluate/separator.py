@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from layoutexplore.files import check_places
+from layoutexplore.files import check_file, check_places
 
 
 def train_separator(
@@ -37,6 +37,7 @@ def train_separator(
     from layoutexplore.maps import expand_plans
 
     check_places(None, out, file="--out", cache=cache)
+    check_file(out, suffixes=(".safetensors",))
     require("torch", "rl")
     from layoutexplore.models.network_files import save_weights
     from layoutexplore.training.separator.network import SeparatorTrainingConfig, train_shipped_separator

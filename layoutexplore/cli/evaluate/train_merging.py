@@ -15,7 +15,7 @@ from layoutexplore.cli.evaluate.segmentation import (
     read_buildings,
     weights_of,
 )
-from layoutexplore.files import check_places
+from layoutexplore.files import check_file, check_places
 
 if TYPE_CHECKING:
     from layoutexplore.layout.merging.merge_tree.cut import MergingModels
@@ -49,6 +49,8 @@ def train_merging(
     cut_out = cut_out or out.parent / CUT_MODEL.name
     check_places(out.parent, out, file="--out")
     check_places(cut_out.parent, cut_out, file="--cut-out")
+    check_file(out, suffixes=(".json",))
+    check_file(cut_out, suffixes=(".json",), option="--cut-out")
     cases = find_cases(folders, read_buildings(buildings) if buildings else None)
     weights = weights_of(weight, cases)
     models = train_classifiers(
