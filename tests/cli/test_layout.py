@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app
+from layoutexplore.cli.evaluate.segmentation import weights_of
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.layout.merging.merge_forest import load_forest
 from layoutexplore.layout.merging.merge_tree.cut import MergingModels, load_cut_forest
@@ -287,6 +288,21 @@ def test_what_is_missing_is_said_clearly(tmp_path: Path) -> None:
             app, ["evaluate", "train", str(tmp_path), "--out", str(tmp_path / "m.json"), "--weight", weight]
         )
         assert isinstance(result.exception, ConfigError) and weight in str(result.exception)
+
+
+def test_weights_of_two_folders_of_one_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By as much of their path as tells them apart, or by the path."""
+    for home in ("east", "west"):
+        (tmp_path / home / "maps").mkdir(parents=True)
+        draw(tmp_path / home / "maps", home)
+    monkeypatch.chdir(tmp_path)
+    cases = find_cases(["east/maps", "west/maps"])
+    with pytest.raises(ConfigError, match="2 folders are called maps: say which, east/maps or west/maps"):
+        weights_of(["maps=2"], cases)
+    with pytest.raises(ConfigError, match="east/maps has a weight already"):
+        weights_of(["east/maps=2", f"{tmp_path}/east/maps=3"], cases)
+    assert weights_of(["east/maps=2", f"{tmp_path}/west/maps=3"], cases) == {"east/maps": 2, "west/maps": 3}
+    assert weights_of(["west/maps/=2"], find_cases(["west/maps"])) == {"maps": 2}
 
 
 @pytest.mark.slow

@@ -321,14 +321,18 @@ def _sources(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, st
 
 
 def _folder(name: str, where: str, cases: Sequence[Case]) -> str:
-    """The name of a folder, if maps of it are given."""
+    """The name of a folder that is given by it or by its path, if maps of it are given."""
     from layoutexplore.errors import ConfigError
 
-    folders = {case.folder for case in cases}
-    if name not in folders:
-        known = ", ".join(sorted(folders))
-        raise ConfigError(f"{where}: no folder of that name is given; there are {known}")
-    return name
+    folders = {case.folder: case.image.parent.resolve() for case in cases}
+    if name in folders:
+        return name
+    if by_path := [known for known, path in folders.items() if path == Path(name).resolve()]:
+        return by_path[0]
+    alike = sorted(known for known, path in folders.items() if path.name == name)
+    if alike:
+        raise ConfigError(f"{where}: {len(alike)} folders are called {name}: say which, {' or '.join(alike)}")
+    raise ConfigError(f"{where}: no folder of that name is given; there are {', '.join(sorted(folders))}")
 
 
 def weights_of(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, float]:
@@ -342,7 +346,10 @@ def weights_of(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, 
             weight = float(number)
         except ValueError:
             raise ConfigError(f"--weight {text}: FOLDER=NUMBER is needed, such as cluttered=4") from None
-        weights[_folder(folder, f"--weight {text}", cases)] = weight
+        name = _folder(folder, f"--weight {text}", cases)
+        if name in weights:
+            raise ConfigError(f"--weight {text}: {name} has a weight already")
+        weights[name] = weight
         if not 0 < weight < float("inf"):
             raise ConfigError(f"--weight {text}: a weight must be above 0")
     return weights
