@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -56,6 +57,10 @@ def import_plan(
         list[str] | None,
         typer.Option(metavar="room=NAME", help="GeoJSON property with a room's name (or kind, width)."),
     ] = None,
+    doors: Annotated[
+        float | None,
+        typer.Option(help="Metres: widen narrower doors to it, as thick walls of recorded maps narrow them."),
+    ] = None,
     robot: Annotated[
         Path | None,
         typer.Option(help="Folder for a robot: cleaned map (YAML, PGM), rooms and doors, graph of rooms."),
@@ -73,8 +78,10 @@ def import_plan(
     the floor plan alone.
     """
     from layoutexplore.drawing.findings import draw_findings
+    from layoutexplore.errors import ConfigError
     from layoutexplore.files import check_places, write_atomically
     from layoutexplore.grids.ros_map import encode_png
+    from layoutexplore.importing.doors import widen_doors
     from layoutexplore.importing.findings import ROBOT_RADIUS, find_faults
     from layoutexplore.importing.pictures import picture_config
     from layoutexplore.importing.robot_files import GOAL_RADIUS, write_robot_files
@@ -83,6 +90,8 @@ def import_plan(
 
     check_places(None, out, file="--out", robot=robot)
     picture = _picture_place(source, out, robot)
+    if doors is not None and robot is not None:
+        raise ConfigError("--doors widens doors of the floor plan alone: a robot needs them as they are")
     if robot_radius is not None:
         Rule(low=0.0, high=100.0).convert("--robot-radius", robot_radius)
     config = picture_config(
@@ -94,6 +103,8 @@ def import_plan(
         keep_outside=keep_outside,
     )
     building = _building(source, config, rooms, _columns(column or []))
+    if doors is not None:
+        building = replace(building, plan=widen_doors(building.plan, doors))
     findings = find_faults(building.plan, radius=ROBOT_RADIUS if robot_radius is None else robot_radius)
     save_plan(building.plan, out)
     if picture is not None:
