@@ -57,9 +57,12 @@ def test_against_a_fine_sampling(steps: list[tuple[float, float]], level: float,
     coverage = np.cumsum(array[:, 1]) / max(array[:, 1].sum(), 1.0)
     metres, reached = distance_to_coverage(distance, coverage, level, budget=1000)
     assert reached == (coverage[-1] >= level)
-    if reached:
-        before = coverage_at(distance, coverage, max(0.0, metres - 1e-6))
-        assert before <= level + 1e-3 or metres == 0.0 or np.any(np.diff(distance) < 1e-6)
+    if not reached:
+        assert metres == 1000
+    else:
+        assert coverage_at(distance, coverage, metres + 1e-6) >= level - 1e-9
+        if metres > 1e-6:
+            assert coverage_at(distance, coverage, metres - 1e-6) <= level + 1e-9
     fine = np.linspace(0, horizon, 20001)
     assert mean_coverage(distance, coverage, horizon) == pytest.approx(
         coverage_at(distance, coverage, fine).mean(), abs=2e-3

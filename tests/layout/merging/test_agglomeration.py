@@ -13,8 +13,9 @@ from layoutexplore.training.room_merging import first_forest
 from tests.layout.merging.cases import office, plan, rooms_of
 
 
-@pytest.mark.parametrize("room_area", [0.0, 1.5, 12.0, 1e6])
-def test_what_is_too_small_for_a_room_joins_a_neighbour(room_area: float) -> None:
+@pytest.mark.parametrize(("room_area", "rooms"), [(0.0, 3), (12.0, 3), (18.0, 2), (1e6, 1)])
+def test_what_is_too_small_for_a_room_joins_a_neighbour(room_area: float, rooms: int) -> None:
+    """Of a corridor of 16 m2 between two rooms of 20 m2 each."""
     graph = make_example(plan(), rooms_of(plan()), 0.05, building="a", kind="x").graph
     into = merge_regions(graph, first_forest(), level=1e9, rest=Rest(room_area))
     area = (
@@ -23,19 +24,19 @@ def test_what_is_too_small_for_a_room_joins_a_neighbour(room_area: float) -> Non
     a, b = graph.ends[graph.edges[:, EDGE.open] > 0].T
     parted = into[a] != into[b]
     assert (np.minimum(area[a], area[b])[parted] >= room_area).all()
-    assert len(set(into[1:].tolist())) == len(into) - 1 or room_area > 0
+    assert len(set(into[1:].tolist())) == rooms and parted.any() == (rooms > 1)
 
 
 def test_nooks_join_a_neighbour_unless_they_are_surely_rooms() -> None:
     graph = make_example(plan(), rooms_of(plan()), 0.05, building="a", kind="x").graph
     alone = np.arange(len(graph.nodes))
     assert (merge_regions(graph, first_forest(), level=1e9, rest=Rest(nook=1e6, level=1e9)) == alone).all()
-    for area in (1.5, 12.0, 1e6):
+    for area in (18.0, 1e6):
         always, unless = (
             merge_regions(graph, first_forest(), level=1e9, rest=rest)
             for rest in (Rest(area), Rest(0, area, -1e9))
         )
-        assert (always == unless).all()
+        assert (always == unless).all() and (always != alone).any()
 
 
 def test_the_classifier_is_asked_in_order_of_certainty() -> None:
