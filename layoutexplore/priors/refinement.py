@@ -4,7 +4,10 @@ A placement maps world points w to points of the plan, p = Q diag(k) R(-theta) (
 building's walls onto the axes, k scales along them (plan metres a world metre), and the fixed Q turns them by
 a multiple of 90 degrees, mirrored or not, onto the walls of the plan. Seen walls are drawn to the plan's
 walls, seen floor is driven out of its solid parts; both lose their force when they are far off, as in
-iteratively reweighted least squares with Cauchy's weights.
+iteratively reweighted least squares with the weights of Geman and McClure, 1 / (1 + (r / scale)^2)^2.
+
+References:
+    Geman and McClure 1987, "Statistical methods for tomographic image reconstruction".
 """
 
 from __future__ import annotations
