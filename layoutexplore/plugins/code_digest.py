@@ -53,7 +53,7 @@ _ASIDE = {
 
 def digest_of(thing: Any) -> str:
     """12 hexadecimal digits that change with the code of a class, function or object, and its attributes."""
-    homes = (name for name in _homes(thing) if name != "builtins")
+    homes = (name for name in _homes(thing) if name.partition(".")[0] not in sys.stdlib_module_names)
     walk = _Walk({name for name in homes if not _file_of(name)})
     for _ in range(_WALKS):
         found = walk.digest(thing)
@@ -155,6 +155,8 @@ class _Walk:
             yield self.of(value.__wrapped__)
         elif inspect.isfunction(inner := getattr(value, "py_func", None)):  # what numba compiles
             yield self.of(inner)
+        elif (array := _array_of(value)) is not None:
+            yield from map(self.of, (str(value.dtype), array))
         else:
             yield from self._object(value)
 
@@ -242,6 +244,18 @@ class _Walk:
 def _hashed(data: str | bytes) -> str:
     text = data.encode(errors="backslashreplace") if isinstance(data, str) else data
     return hashlib.sha256(text).hexdigest()
+
+
+def _array_of(value: Any) -> Any:
+    """The bytes of a tensor of torch as an array, else None: pickled it holds an address in memory."""
+    torch = sys.modules.get("torch")
+    if torch is None or not isinstance(value, torch.Tensor):
+        return None
+    try:
+        whole = value.detach().cpu().contiguous()
+        return whole.reshape(*whole.shape, 1).view(torch.uint8).numpy()
+    except Exception:  # a sparse one, or one without values
+        return None
 
 
 def _content(cell: Any) -> Any:

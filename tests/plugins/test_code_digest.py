@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import subprocess
@@ -221,3 +222,17 @@ def test_other_sessions_find_the_same() -> None:
         for _ in range(2)
     }
     assert len(found) == 1
+
+
+def test_tensors_and_loggers_count_by_what_they_hold() -> None:
+    """As they are pickled, tensors have an address in memory."""
+    torch = pytest.importorskip("torch")
+    kind = defined(CELL)
+    for dtype in (torch.float32, torch.bfloat16, torch.bool):
+        one, same, other = (torch.tensor(value, dtype=dtype) for value in ([0, 1], [0, 1], [1, 1]))
+        assert digest_of(kind(one)) == digest_of(kind(same)) != digest_of(kind(other))
+    nets = [torch.nn.Linear(2, 1) for _ in range(2)]
+    assert digest_of(kind(nets[0])) != digest_of(kind(nets[1]))
+    nets[1].load_state_dict(nets[0].state_dict())
+    assert digest_of(kind(nets[0])) == digest_of(kind(nets[1]))
+    assert digest_of(logging.getLogger("a")) != digest_of(logging.getLogger("b"))
