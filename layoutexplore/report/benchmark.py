@@ -217,9 +217,9 @@ def headline(rows: Sequence[Row], baseline: str, comparisons: Sequence[Compariso
         # compared with nobody, also where the baseline ran: nothing was seen to 90 %
         summaries = summarise_agents(part, "", lambda _: np.empty((0, 2)))
         table = _table(part, [], summaries, measured_levels(rows), level)
-        metres = [(line.agent, *(line.metres[m] for m, _ in names), line.distance) for line in table]
+        found = [(line.agent, [*(line.metres[m] for m, _ in names), line.distance]) for line in table]
         header = ("agent", *(f"metres to {text}" for _, text in names), "in all")
-        return [header, *((agent, *(number(value, 1) for value in found)) for agent, *found in metres)]
+        return [header, *((agent, *(number(metres, 1) for metres in every)) for agent, every in found)]
     by_agent: dict[str, dict[str, Comparison]] = {agent: {} for agent in agents_of(part)}
     for c in comparisons:
         by_agent[c.agent][c.metric] = c
