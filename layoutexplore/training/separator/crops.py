@@ -55,7 +55,7 @@ def _part(values: NDArray[T], corner: Cell, side: int, turn: int) -> NDArray[T]:
     return np.ascontiguousarray(out[:, ::-1] if turn & 2 else out)
 
 
-def draw_crops(
+def stacked_crops(
     examples: Sequence[SeparatorExample], count: int, places: int, rng: np.random.Generator
 ) -> SeparatorExample:
     """So many disturbed crops of examples drawn at random, stacked: each attribute is (count, ...) of them.

@@ -18,7 +18,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.layout.merging.separator.network import LAYERS, OUTPUTS, OUTSIDE, THING
 from layoutexplore.training.folds import Progress, silent
-from layoutexplore.training.separator.crops import draw_crops
+from layoutexplore.training.separator.crops import stacked_crops
 from layoutexplore.training.separator.examples import SeparatorExample
 from layoutexplore.training.separator.maps import mark_of, separator_examples
 from layoutexplore.training.separator.targets import as_input, targets_of
@@ -150,7 +150,7 @@ class _Steps(Dataset[tuple[torch.Tensor, ...]]):
     def __getitem__(self, step: int) -> tuple[torch.Tensor, ...]:
         config = self.config
         rng = np.random.default_rng([config.seed, step])
-        crops = draw_crops(self.examples, config.batch, config.crop, rng)
+        crops = stacked_crops(self.examples, config.batch, config.crop, rng)
         return tuple(map(torch.from_numpy, astuple(crops)))
 
 

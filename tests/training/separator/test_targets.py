@@ -10,7 +10,7 @@ import pytest
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.layout.merging.separator.network import BORDER, OFFSETS, OUTSIDE, THING
 from layoutexplore.layout.merging.separator.planes import KINDS, PATCH
-from layoutexplore.training.separator.crops import draw_crop, draw_crops
+from layoutexplore.training.separator.crops import draw_crop, stacked_crops
 from layoutexplore.training.separator.examples import SeparatorExample
 
 torch = pytest.importorskip("torch")
@@ -84,7 +84,7 @@ def test_the_truth_of_a_batch_is_that_of_each_crop() -> None:
     rooms = rng.integers(0, 3, (40, 40)).astype(np.int16)
     shares = rng.integers(0, 80, (80, 80, KINDS)).astype(np.uint8)
     thing, known = (rng.integers(0, 256, (40, 40)).astype(np.uint8) for _ in range(2))
-    crops = draw_crops([SeparatorExample(shares, rooms, thing, known), halves()], 5, 6, rng)
+    crops = stacked_crops([SeparatorExample(shares, rooms, thing, known), halves()], 5, 6, rng)
     assert crops.shares.shape == (5, 24, 24, KINDS) and crops.rooms.shape == (5, 12, 12)
     from layoutexplore.training.separator.targets import targets_of
 
