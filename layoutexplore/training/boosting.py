@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,3 +69,19 @@ def fit_forest(
         random_state=config.seed,
     )
     return as_forest(model.fit(features, target, sample_weight=weights), double=double)
+
+
+def mean_forest(forests: Sequence[Forest]) -> Forest:
+    """The classifier whose log-odds are the mean of those of others."""
+    begin = np.cumsum([0, *(len(f.feature) for f in forests)])
+    parts = list(zip(forests, begin.tolist(), strict=False))
+    return Forest(
+        feature=np.concatenate([f.feature for f in forests]),
+        threshold=np.concatenate(
+            [np.where(f.feature < 0, f.threshold / len(forests), f.threshold) for f in forests]
+        ),
+        left=np.concatenate([f.left + n for f, n in parts]).astype(np.int32),
+        right=np.concatenate([f.right + n for f, n in parts]).astype(np.int32),
+        roots=np.concatenate([f.roots + n for f, n in parts]).astype(np.int32),
+        bias=float(np.mean([f.bias for f in forests])),
+    )

@@ -170,6 +170,32 @@ def parts_by_source(
     return parts
 
 
+def buildings_of_words(
+    seen: Explored, groups: Mapping[str, str], sources: Mapping[str, Sequence[str]], words: Sequence[str]
+) -> frozenset[str]:
+    """The groups of buildings of some sources.
+
+    Args:
+        seen: What explorations have shown.
+        groups: The group of each plan from a file.
+        sources: What can be loaded of each source, by the word that names it.
+        words: Some of these words.
+
+    Raises:
+        ConfigError: No plan from a file is of such a word.
+    """
+    from layoutexplore.errors import ConfigError, shortened
+
+    found = frozenset[str]()
+    for word in words:
+        loaded = set(sources.get(word, ()))
+        mine = {groups[plan.name] for plan in seen.files if seen.loaded_as[plan.name] in loaded}
+        if not mine:
+            raise ConfigError(f"{shortened(word)} is no word of PLANS that names floor plans from files")
+        found |= mine
+    return found
+
+
 class NetworkTrainer:
     """Trains networks; those for rooms all begin as one that has learnt from generated plans.
 

@@ -20,7 +20,7 @@ from layoutexplore.predictors.cell_model import features as cell_features
 from layoutexplore.predictors.cell_model.features import add_first_estimate
 from layoutexplore.predictors.frontier_model.features import FEATURES
 from layoutexplore.predictors.learned import CELL_MODEL, FRONTIER_MODEL
-from layoutexplore.training.boosting import BoostingConfig, fit_forest
+from layoutexplore.training.boosting import BoostingConfig, fit_forest, mean_forest
 from layoutexplore.training.folds import building_weights, deal_folds
 from layoutexplore.training.predictor_samples import CellSamples, PredictorSamples
 
@@ -35,6 +35,8 @@ class PredictorForestConfig:
         rate: Learning rate.
         feature_share: Share of the features that a split may choose from.
         generated_share: Share of the weight that frontiers of generated plans have, if there are others.
+        doubtful: Buildings whose rooms are less certain: as many trees learn frontiers without them, too, and
+            the mean of both judges. It is right where either is, which no weight of these buildings is.
         cell_trees: Trees of either forest that judges cells.
         cell_leaves: Leaves of one of these.
         cell_rate: Their learning rate.
@@ -48,6 +50,7 @@ class PredictorForestConfig:
     rate: float = 0.07
     feature_share: float = 0.3
     generated_share: float = 0.05
+    doubtful: frozenset[str] = frozenset()
     cell_trees: int = 100
     cell_leaves: int = 31
     cell_rate: float = 0.12
@@ -62,6 +65,15 @@ def fit_frontier_forests(
     samples: PredictorSamples, config: PredictorForestConfig = DEFAULT_TRAINING
 ) -> dict[str, Forest]:
     """Train "closed" and "leftover" (log-odds) and "area" (log of 1 + square metres)."""
+    certain = samples.of_buildings(lambda name: name not in config.doubtful)
+    parts = [part for part in (certain, samples) if len(part.closed)]
+    if len(certain.closed) == len(samples.closed):
+        parts = [samples]
+    found = [_fit_frontiers(part, config) for part in parts]
+    return {name: mean_forest([forests[name] for forests in found]) for name in found[0]}
+
+
+def _fit_frontiers(samples: PredictorSamples, config: PredictorForestConfig) -> dict[str, Forest]:
     boosting = BoostingConfig(
         trees=config.trees,
         leaves=config.leaves,

@@ -19,7 +19,7 @@ from layoutexplore.layout.merging.agglomeration import training_samples
 from layoutexplore.layout.merging.pair_features import FEATURES, OF_NETWORK
 from layoutexplore.maps.painted_rooms import Case, read_case
 from layoutexplore.models.forest import Forest
-from layoutexplore.training.boosting import BoostingConfig, fit_forest
+from layoutexplore.training.boosting import BoostingConfig, fit_forest, mean_forest
 from layoutexplore.training.explored_maps import explored_examples
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
@@ -105,22 +105,6 @@ def train_forest(examples: Sequence[Example], config: MergingTrainingConfig | No
         count = config.forests if k == config.rounds - 1 else 1
         forest = mean_forest([_fit(table, weights, config, 1000 * config.seed + n) for n in range(count)])
     return forest
-
-
-def mean_forest(forests: Sequence[Forest]) -> Forest:
-    """The classifier whose log-odds are the mean of those of others."""
-    begin = np.cumsum([0, *(len(f.feature) for f in forests)])
-    parts = list(zip(forests, begin.tolist(), strict=False))
-    return Forest(
-        feature=np.concatenate([f.feature for f in forests]),
-        threshold=np.concatenate(
-            [np.where(f.feature < 0, f.threshold / len(forests), f.threshold) for f in forests]
-        ),
-        left=np.concatenate([f.left + n for f, n in parts]).astype(np.int32),
-        right=np.concatenate([f.right + n for f, n in parts]).astype(np.int32),
-        roots=np.concatenate([f.roots + n for f, n in parts]).astype(np.int32),
-        bias=float(np.mean([f.bias for f in forests])),
-    )
 
 
 def kind_of(example: Example) -> tuple[str, str]:

@@ -49,8 +49,19 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
     assert make_room_predictor(f"layout:model={out}").name.startswith("layout:")
     networks = [path.name for path in (CELL_NETWORK, FRONTIER_NETWORK)]
     assert all((out / folder / name).exists() for folder in ("fold1", "fold2", ".") for name in networks)
-    alone = [*arguments, "office:7", "--no-network", "--store", str(tmp_path / "store")]
+    alone = [
+        *arguments,
+        "office:7",
+        "--no-network",
+        "--store",
+        str(tmp_path / "store"),
+        "--doubtful",
+        paths[1],
+    ]
     assert CliRunner().invoke(cli.app, alone).exit_code == 0
+    for word in ("office:7", "nowhere"):
+        refused = CliRunner().invoke(cli.app, [*alone[:-1], word])
+        assert refused.exit_code and word in str(refused.exception or refused.output)
     for folder, more in zip(("fold1", "fold2", "."), frontiers, strict=True):
         fewer = json.loads((out / folder / FRONTIER_MODEL.name).read_text())["note"]
         assert int(fewer.split()[0]) < more, "copies are learnt from"

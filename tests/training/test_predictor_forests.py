@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -55,6 +56,25 @@ def test_generated_plans_do_not_outvote_real_ones() -> None:
         PredictorForestConfig(trees=15, rate=0.3),
     )
     assert ((forests["closed"].probability(features) > 0.5) == closed)[real].mean() > 0.95
+
+
+def test_only_half_of_the_trees_learn_from_doubtful_buildings() -> None:
+    """Where two buildings of one size contradict each other, the one that is certain is believed."""
+    rng = np.random.default_rng(0)
+    features = rng.normal(size=(800, 2)).astype(np.float32)
+    building = np.where(np.arange(800) < 400, "plan", "map")
+    closed = (features[:, 0] > 0) == (building == "plan")
+    samples = PredictorSamples(features, closed, np.ones(800), building, np.ones(800, np.bool_), [])
+    plain = PredictorForestConfig(trees=15, rate=0.3)
+    forests = fit_frontier_forests(samples, replace(plain, doubtful=frozenset({"map"})))["closed"]
+    assert len(forests.roots) == 30
+    found = forests.probability(features) > 0.5
+    assert (
+        (found == closed)[building == "plan"].mean() > 0.9 > 0.2 > (found == closed)[building == "map"].mean()
+    )
+    for doubtful in (frozenset({"plan", "map"}), frozenset({"another"})):
+        alone = fit_frontier_forests(samples, replace(plain, doubtful=doubtful))["closed"]
+        assert len(alone.roots) == 15, "without others, or without such, there is one half"
 
 
 def test_a_model_of_ones_own(tmp_path: Path) -> None:

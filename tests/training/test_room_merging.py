@@ -11,8 +11,9 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.layout.merging.agglomeration import merge_regions
 from layoutexplore.layout.merging.merge_forest import load_forest, save_forest
 from layoutexplore.layout.pipeline import reconstruct
+from layoutexplore.training.boosting import mean_forest
 from layoutexplore.training.merging_examples import make_example
-from layoutexplore.training.room_merging import MergingTrainingConfig, mean_forest, train_forest
+from layoutexplore.training.room_merging import MergingTrainingConfig, train_forest
 from tests.layout.merging.cases import office, plan, rooms_of
 
 

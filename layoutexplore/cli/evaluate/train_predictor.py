@@ -58,6 +58,14 @@ Steps = Annotated[
     int, typer.Option(min=1, help="Steps of the network for rooms on all plans, in every fold.")
 ]
 FrontierSteps = Annotated[int, typer.Option(min=1, help="Steps of the network for frontiers, in every fold.")]
+Doubtful = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="WORD",
+        help="Word of PLANS whose rooms are less certain, such as maps whose rooms were found by a method: "
+        "only half of the trees that judge frontiers learn from it.",
+    ),
+]
 RoomsOf = Annotated[
     str | None,
     typer.Option(
@@ -90,16 +98,19 @@ def train_predictor(
     steps: Steps = 3500,
     frontier_steps: FrontierSteps = 1500,
     rooms_of: RoomsOf = None,
+    doubtful: Doubtful = None,
     store: Store = None,
 ) -> None:
     """Explore, train and test; `HELP` is what the command line says."""
-    from layoutexplore.errors import require
+    from layoutexplore.errors import ConfigError, require, shortened
     from layoutexplore.files import check_places
     from layoutexplore.training import predictor
     from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
     from layoutexplore.training.predictor_samples import join_samples
 
     _check_held_out(folds, leave_out, forests)
+    if unknown := [word for word in doubtful or () if word not in plans]:
+        raise ConfigError(f"--doubtful {shortened(unknown[0])} is no word of PLANS")
     if network:
         require("torch", "rl")
     check_places(out, store=store)
@@ -109,7 +120,8 @@ def train_predictor(
     seen = _explore(plans, explorations, forests=forests, network=network, rooms=rooms)
     groups = predictor.buildings_of(seen, folds)
     held_out = _parts(seen, groups, folds, plans if leave_out else ())
-    config = PredictorForestConfig(trees=trees, cell_trees=trees // 2)
+    less_certain = predictor.buildings_of_words(seen, groups, _sources(plans), doubtful or ())
+    config = PredictorForestConfig(trees=trees, cell_trees=trees // 2, doubtful=less_certain)
     samples = join_samples(seen.samples, groups) if forests else None
     if samples:
         typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells")
@@ -162,15 +174,21 @@ def _check_held_out(folds: int, leave_out: LeaveOut, forests: bool) -> None:
 
 def _parts(seen: Explored, groups: Mapping[str, str], folds: int, words: Sequence[str]) -> dict[str, str]:
     """What each group of buildings is held out with: a fold, or a source by name where words name them."""
-    from layoutexplore.maps.library import find_plans
     from layoutexplore.training.folds import deal_folds
     from layoutexplore.training.predictor import parts_by_source
 
     if words:
-        return parts_by_source(seen, groups, {word: find_plans([word]) for word in words})
+        return parts_by_source(seen, groups, _sources(words))
     if not folds:
         return {}
     return {group: f"fold{k + 1}" for group, k in deal_folds(groups.values(), folds, "name").items()}
+
+
+def _sources(words: Sequence[str]) -> dict[str, list[str]]:
+    """What can be loaded of each word of PLANS."""
+    from layoutexplore.maps.library import find_plans
+
+    return {word: find_plans([word]) for word in words}
 
 
 def _train_parts(

@@ -16,11 +16,10 @@ import numpy as np
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.models.forest import Forest
-from layoutexplore.training.boosting import BoostingConfig, fit_forest
+from layoutexplore.training.boosting import BoostingConfig, fit_forest, mean_forest
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.examples import simulated_examples
 from layoutexplore.training.merging_examples import Example
-from layoutexplore.training.room_merging import mean_forest
 
 LIDAR_WEIGHT = 1 / 40
 """Weight of a map of a lidar alone, where one with the noise of recorded maps weighs 1."""

@@ -17,7 +17,7 @@ from layoutexplore.layout.merging.merge_tree.cut import MergingModels
 from layoutexplore.layout.merging.merge_tree.features import TREE_FEATURES, TREE_OF_NETWORK
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.models.forest import Forest
-from layoutexplore.training.boosting import BoostingConfig, fit_forest
+from layoutexplore.training.boosting import BoostingConfig, fit_forest, mean_forest
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.examples import POLYGONAL, polygonal_examples, weathered_pairs
 from layoutexplore.training.merge_trees.samples import TreeSamples, tree_samples
@@ -26,7 +26,6 @@ from layoutexplore.training.room_merging import (
     MergingTrainingConfig,
     kind_of,
     kind_scales,
-    mean_forest,
     train_forest,
     training_examples,
 )
