@@ -35,6 +35,24 @@ KeepOutside = Annotated[
     bool, typer.Option("--keep-outside", help="Free space around the building is floor, too.")
 ]
 
+Rooms = Annotated[str, typer.Option(help="Layout method that finds the rooms of maps and images, or none.")]
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(metavar="room=NAME", help="GeoJSON property with a room's name (or kind, width)."),
+]
+Doors = Annotated[
+    float | None,
+    typer.Option(help="Metres: widen narrower doors to it, as thick walls of recorded maps narrow them."),
+]
+RobotFolder = Annotated[
+    Path | None,
+    typer.Option(help="Folder for a robot: cleaned map (YAML, PGM), rooms and doors, graph of rooms."),
+]
+RobotRadius = Annotated[
+    float | None,
+    typer.Option(help="Metres, for what is out of reach (0.2 without) and the graph's goals (0.25)."),
+]
+
 MOST_FINDINGS = 30
 """Findings that are printed; all are drawn."""
 
@@ -50,25 +68,11 @@ def import_plan(
     unknown_grey: UnknownGreyOption = "auto",
     image_anywhere: ImageAnywhere = False,
     keep_outside: KeepOutside = False,
-    rooms: Annotated[
-        str, typer.Option(help="Layout method that finds the rooms of maps and images, or none.")
-    ] = "default",
-    column: Annotated[
-        list[str] | None,
-        typer.Option(metavar="room=NAME", help="GeoJSON property with a room's name (or kind, width)."),
-    ] = None,
-    doors: Annotated[
-        float | None,
-        typer.Option(help="Metres: widen narrower doors to it, as thick walls of recorded maps narrow them."),
-    ] = None,
-    robot: Annotated[
-        Path | None,
-        typer.Option(help="Folder for a robot: cleaned map (YAML, PGM), rooms and doors, graph of rooms."),
-    ] = None,
-    robot_radius: Annotated[
-        float | None,
-        typer.Option(help="Metres, for what is out of reach (0.2 without) and the graph's goals (0.25)."),
-    ] = None,
+    rooms: Rooms = "default",
+    column: Columns = None,
+    doors: Doors = None,
+    robot: RobotFolder = None,
+    robot_radius: RobotRadius = None,
 ) -> None:
     """Read a building of your own, find its rooms and doors, and say what to correct.
 

@@ -180,20 +180,9 @@ def buildings_of_words(
         groups: The group of each plan from a file.
         sources: What can be loaded of each source, by the word that names it.
         words: Some of these words.
-
-    Raises:
-        ConfigError: No plan from a file is of such a word.
     """
-    from layoutexplore.errors import ConfigError, shortened
-
-    found = frozenset[str]()
-    for word in words:
-        loaded = set(sources.get(word, ()))
-        mine = {groups[plan.name] for plan in seen.files if seen.loaded_as[plan.name] in loaded}
-        if not mine:
-            raise ConfigError(f"{shortened(word)} is no word of PLANS that names floor plans from files")
-        found |= mine
-    return found
+    loaded = {source for word in words for source in sources[word]}
+    return frozenset(groups[plan.name] for plan in seen.files if seen.loaded_as[plan.name] in loaded)
 
 
 class NetworkTrainer:

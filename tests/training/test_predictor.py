@@ -59,9 +59,6 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
         paths[1],
     ]
     assert CliRunner().invoke(cli.app, alone).exit_code == 0
-    for word in ("office:7", "nowhere"):
-        refused = CliRunner().invoke(cli.app, [*alone[:-1], word])
-        assert refused.exit_code and word in str(refused.exception or refused.output)
     for folder, more in zip(("fold1", "fold2", "."), frontiers, strict=True):
         fewer = json.loads((out / folder / FRONTIER_MODEL.name).read_text())["note"]
         assert int(fewer.split()[0]) < more, "copies are learnt from"
@@ -83,11 +80,22 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
     for folder in ("fold1", "fold2", "."):
         assert not (out / folder / CELL_NETWORK.name).exists(), "no network stays that the folder has not"
         assert (out / folder / FRONTIER_NETWORK.name).exists()
+
+
+def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
+    for name in ("north", "south"):
+        plan = floorplan_from_ascii(THREE_OFFICES, resolution=0.9, name=name)
+        save_plan(plan, tmp_path / f"{name}.geojson")
+    paths = [str(tmp_path / f"{name}.geojson") for name in ("north", "south")]
+    arguments = ["evaluate", "train-predictor", *paths, "office:7", "--stops", "2", "--no-network"]
+    arguments += ["--out", str(tmp_path / "no")]
     for wrong in (["--folds", "3"], ["--folds", "2", "--no-forests"]):
-        result = CliRunner().invoke(
-            cli.app, [*arguments[:4], *wrong, "--stops", "2", "--no-network", "--out", str(tmp_path / "no")]
-        )
+        result = CliRunner().invoke(cli.app, [*arguments, *wrong])
         assert result.exit_code != 0 and not (tmp_path / "no").exists()
+    for word in ("office:7", "nowhere"):
+        result = CliRunner().invoke(cli.app, [*arguments, "--doubtful", word])
+        assert result.exit_code != 0 and f"--doubtful '{word}' is no word of PLANS" in str(result.exception)
+        assert not (tmp_path / "no").exists()
 
 
 def test_a_plan_that_is_seen_at_once_teaches_nothing(tmp_path: Path) -> None:

@@ -102,15 +102,14 @@ def train_predictor(
     store: Store = None,
 ) -> None:
     """Explore, train and test; `HELP` is what the command line says."""
-    from layoutexplore.errors import ConfigError, require, shortened
+    from layoutexplore.errors import require
     from layoutexplore.files import check_places
     from layoutexplore.training import predictor
     from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
     from layoutexplore.training.predictor_samples import join_samples
 
     _check_held_out(folds, leave_out, forests)
-    if unknown := [word for word in doubtful or () if word not in plans]:
-        raise ConfigError(f"--doubtful {shortened(unknown[0])} is no word of PLANS")
+    _check_doubtful(doubtful or (), plans)
     if network:
         require("torch", "rl")
     check_places(out, store=store)
@@ -182,6 +181,20 @@ def _parts(seen: Explored, groups: Mapping[str, str], folds: int, words: Sequenc
     if not folds:
         return {}
     return {group: f"fold{k + 1}" for group, k in deal_folds(groups.values(), folds, "name").items()}
+
+
+def _check_doubtful(doubtful: Sequence[str], plans: Sequence[str]) -> None:
+    """Refuse, before anything is explored, words that name no floor plan from a file."""
+    from layoutexplore.errors import ConfigError, shortened
+    from layoutexplore.files import is_there
+    from layoutexplore.maps.formats.building_files import split_level
+
+    for word in doubtful:
+        found = _sources([word])[word] if word in plans else []
+        if not any(is_there(split_level(source)[0]) for source in found):
+            raise ConfigError(
+                f"--doubtful {shortened(word)} is no word of PLANS that names floor plans from files"
+            )
 
 
 def _sources(words: Sequence[str]) -> dict[str, list[str]]:
