@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from layoutexplore.importing.pictures import PictureConfig
     from layoutexplore.maps.floorplan import FloorPlan
 
+Source = Annotated[
+    Path, typer.Argument(help="A ROS map's YAML, an image, or a floor plan of any format that is read.")
+]
+Out = Annotated[Path, typer.Option(help="GeoJSON file to write; a picture lands beside it.")]
 Resolution = Annotated[float | None, typer.Option(help="Metres a pixel of a plain image (0.05 without).")]
 ScaleBy = Annotated[
     str | None,
@@ -58,10 +62,8 @@ MOST_FINDINGS = 30
 
 
 def import_plan(
-    source: Annotated[
-        Path, typer.Argument(help="A ROS map's YAML, an image, or a floor plan of any format that is read.")
-    ],
-    out: Annotated[Path, typer.Option(help="GeoJSON file to write; a picture lands beside it.")],
+    source: Source,
+    out: Out,
     resolution: Resolution = None,
     scale_by: ScaleBy = None,
     blueprint: Blueprint = False,

@@ -22,21 +22,11 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
         save_plan(floorplan_from_ascii(plan, resolution=0.9, name=name), tmp_path / f"{name}.geojson")
     paths = [str(tmp_path / f"{name}.geojson") for name in ("north", "south")]
     out = tmp_path / "models"
-    arguments = [
-        "evaluate",
-        "train-predictor",
-        *paths,
-        "--folds",
-        "2",
-        "--stops",
-        "2",
-        "--trees",
-        "4",
-        "--out",
-        str(out),
-    ]
+    arguments = ["evaluate", "train-predictor", *paths, "--folds", "2", "--stops", "2", "--trees", "4"]
+    arguments += ["--out", str(out)]
+    store = ["--store", str(tmp_path / "store")]
     network = ["office:7", "--stretched", "1", "--first-steps", "2", "--steps", "2", "--frontier-steps", "2"]
-    result = CliRunner().invoke(cli.app, [*arguments, *network, "--store", str(tmp_path / "store")])
+    result = CliRunner().invoke(cli.app, [*arguments, *network, *store])
     assert result.exit_code == 0, result.output
     assert "held out" in result.output and "hidden_iou" in result.output
     notes = [
@@ -49,21 +39,13 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
     assert make_room_predictor(f"layout:model={out}").name.startswith("layout:")
     networks = [path.name for path in (CELL_NETWORK, FRONTIER_NETWORK)]
     assert all((out / folder / name).exists() for folder in ("fold1", "fold2", ".") for name in networks)
-    alone = [
-        *arguments,
-        "office:7",
-        "--no-network",
-        "--store",
-        str(tmp_path / "store"),
-        "--doubtful",
-        paths[1],
-    ]
+    alone = [*arguments, "office:7", "--no-network", *store, "--doubtful", paths[1]]
     assert CliRunner().invoke(cli.app, alone).exit_code == 0
     for folder, more in zip(("fold1", "fold2", "."), frontiers, strict=True):
         fewer = json.loads((out / folder / FRONTIER_MODEL.name).read_text())["note"]
         assert int(fewer.split()[0]) < more, "copies are learnt from"
     assert not any(list(out.rglob(name)) for name in networks), "a network of an earlier training has no say"
-    taken = [*arguments, "--frontier-steps", "2", "--rooms-of", "shipped", "--store", str(tmp_path / "store")]
+    taken = [*arguments, "--frontier-steps", "2", "--rooms-of", "shipped", *store]
     result = CliRunner().invoke(cli.app, taken)
     assert result.exit_code == 0, result.output
     for folder in ("fold1", "fold2", "."):
