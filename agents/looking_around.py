@@ -6,12 +6,14 @@ turning costs, ways are gone as they are chosen.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from layoutexplore.frontiers.decision import PATHS, STOP, CellPath, Choice, Decision, Walk, path_of
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import remaining_share
-from layoutexplore.grids.grid import Cell
+from layoutexplore.grids.grid import UNKNOWN, Cell
 from layoutexplore.planning.first_steps import first_steps
 from layoutexplore.simulation.config import SimulationConfig
 
@@ -31,8 +33,8 @@ HARDLY = SimulationConfig.gone_share
 class LookingAround:
     """Cuts the ways of an agent into pieces, each of which ends in a look all around.
 
-    The agent keeps to what it has chosen until that is gone or reached: two goals could take turns for ever,
-    each the best one from where the other leads.
+    The agent keeps to what it has chosen until that is gone or reached, or it sees anything new: two goals
+    could take turns for ever, each the best one from where the other leads.
 
     Args:
         every: Metres between looks; 0 for none.
@@ -43,10 +45,27 @@ class LookingAround:
         self.every = every
         self._with_any_lidar = with_any_lidar
         self._goal: Frontier | CellPath | Walk | None = None
+        self._known = 0
 
     def forget(self) -> None:
         """A new run begins: the robot is on its way to nothing."""
-        self._goal = None
+        self._goal, self._known = None, 0
+
+    def choose(self, decision: Decision, plan: Callable[[Decision], Choice], *, anew: bool) -> Choice:
+        """The next piece of the way that was chosen, or the first one of the way of a new choice.
+
+        Args:
+            decision: Where the robot is, and what it can go to.
+            plan: Chooses where to go.
+            anew: Choose again as soon as anything was seen on the way; without news the robot goes on.
+        """
+        if anew and self.pays(decision):
+            known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
+            if known != self._known:
+                self._goal = None
+            self._known = known
+        choice = self.go_on(decision)
+        return self.begin(decision, plan(decision)) if choice is None else choice
 
     def go_on(self, decision: Decision) -> Choice | None:
         """The next piece of the way that was chosen; None where its goal is gone, or there is none."""

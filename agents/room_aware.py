@@ -10,8 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeVar
 
-import numpy as np
-
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
 from layoutexplore.agents.looking_around import LOOK_EVERY, LookingAround
@@ -20,7 +18,6 @@ from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.tour_features import BEGUN, SURE, area_left, ready_frontiers
 from layoutexplore.grids.arrays import Ints, Mask
-from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.options import check_kind, option
 
 
@@ -108,24 +105,17 @@ class LookingTour(RoomAwareHeuristic[RoomAwareTourT]):
 
     def __init__(self, name: str, options: RoomAwareTourT, looking: LookingAround) -> None:
         super().__init__(name, options)
-        self._looking, self._known = looking, 0
+        self._looking = looking
         self.remembers = self.remembers or looking.every > 0
 
     def reset(self, seed: int) -> None:
         """Begin a new run: the robot is on its way to nothing."""
         super().reset(seed)
         self._looking.forget()
-        self._known = 0
 
     def choose(self, decision: Decision) -> Choice:
         """Where to go, or the first steps there where the robot looks around then."""
-        if self._looking.pays(decision) and self.plans_anew(decision):
-            known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
-            if known != self._known:
-                self._looking.forget()
-            self._known = known
-        choice = self._looking.go_on(decision)
-        return self._looking.begin(decision, self.plan(decision)) if choice is None else choice
+        return self._looking.choose(decision, self.plan, anew=self.plans_anew(decision))
 
     def plans_anew(self, decision: Decision) -> bool:
         """Whether what was seen on the way changes where to go; without news the robot goes on."""

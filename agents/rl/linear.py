@@ -20,7 +20,8 @@ from layoutexplore.options import SEED, check_kind
 class PolicyAgent:
     """Goes to the frontier with the highest logit; it stops only when none is left.
 
-    Where the spec says so, it looks all around on its way: see `LookingAround`.
+    Where the spec says so, it looks all around on its way and chooses anew by what it sees: see
+    `LookingAround`.
 
     Args:
         name: What it is called in results.
@@ -64,16 +65,17 @@ class PolicyAgent:
             isinstance(one, Frontier) and len(one.cells) for one in decision.frontiers
         ):
             raise ConfigError(f"decision {decision.fault}")
-        choice = self._looking.go_on(decision)
-        if choice is not None:
-            return choice
+        return self._looking.choose(decision, self._decide, anew=True)
+
+    def _decide(self, decision: Decision) -> int:
+        """The number of the frontier with the highest logit."""
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is told below
             logits = self.logits(decision)
         if not np.isfinite(logits).all():
             if decision.fault:
                 raise ConfigError(f"decision {decision.fault}")
             raise ResultsError(f"{self.name}: a logit is not finite: its weights are damaged, train it again")
-        return self._looking.begin(decision, int(np.argmax(logits)))
+        return int(np.argmax(logits))
 
     def logits(self, decision: Decision) -> Floats32:
         """float32 (n,): a logit for each of the decision's frontiers."""

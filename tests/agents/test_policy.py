@@ -21,6 +21,7 @@ from layoutexplore.errors import ResultsError
 from layoutexplore.files import to_toml
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Floats32
+from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play
 from tests.agents.cases import CORRIDOR, decide, looking
@@ -118,10 +119,20 @@ class Favourite(PolicyAgent):
         return (decision.viewpoints[:, 1] == self.column).astype(np.float32)
 
 
-def test_it_keeps_to_its_frontier_and_looks_around_on_its_way() -> None:
+def test_it_looks_around_on_its_way_and_keeps_to_its_frontier_without_news() -> None:
     agent, both = Favourite(), looking(decide(CORRIDOR, (1, 2, 2.0, 9.0), (1, 17, 2.0, 9.0)))
     assert np.array_equal(agent.act(both), [[1, 7], [1, 8], [1, 9]])
     agent.column = 2
     assert np.array_equal(agent.act(both), [[1, 7], [1, 8], [1, 9]]), "it likes the other by now"
     agent.reset(0)
     assert np.array_equal(agent.act(both), [[1, 7], [1, 6], [1, 5]]), "a new run begins with no goal"
+
+
+def test_it_chooses_anew_as_soon_as_it_sees_anything_on_its_way() -> None:
+    agent, both = Favourite(), looking(decide(CORRIDOR, (1, 2, 2.0, 9.0), (1, 17, 2.0, 9.0)))
+    cells = both.grid.cells.copy()
+    cells[0, 0] = UNKNOWN
+    before = dataclasses.replace(both, grid=OccupancyGrid(cells, both.grid.resolution))
+    assert np.array_equal(agent.act(before), [[1, 7], [1, 8], [1, 9]])
+    agent.column = 2
+    assert np.array_equal(agent.act(both), [[1, 7], [1, 6], [1, 5]])
