@@ -138,6 +138,7 @@ def run_study(
     config = config or ClutterConfig()
     if not maps:
         raise MapError("the clutter study needs at least one map")
+    maps = {name: grid.trinary for name, grid in maps.items()}
     trials: list[ClutterTrial] = []
     for k, (name, grid) in enumerate(maps.items(), start=1):
         trials += trials_of_map(name, grid, config)
