@@ -109,7 +109,7 @@ class PooledCurve:
 
     Attributes:
         agent: The strategy.
-        x: float64 (k,), multiples of the baseline's distance.
+        x: float64 (k,), multiples of the baseline's distance; of its budget where it did not get there.
         mean: float64 (k,), mean coverage over cells.
         low: float64 (k,), lower quartile over cells.
         high: float64 (k,), upper quartile over cells.
