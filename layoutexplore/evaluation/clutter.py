@@ -138,6 +138,8 @@ def run_study(
     config = config or ClutterConfig()
     if not maps:
         raise MapError("the clutter study needs at least one map")
+    for name, grid in maps.items():
+        check_kind(f"map {name!r}", grid, OccupancyGrid)
     maps = {name: grid.trinary for name, grid in maps.items()}
     trials: list[ClutterTrial] = []
     for k, (name, grid) in enumerate(maps.items(), start=1):
