@@ -49,7 +49,7 @@ def load_image(path: str | os.PathLike[str], *, resolution: float | None = None)
     path = Path(path)
     if path.stem.endswith(LABELS_ENDING):
         return _load_labels(path, resolution)
-    known = load_grid(path, resolution=resolution)
+    known = load_grid(path, resolution=resolution).trinary
     if not known.free.any():
         raise MapError(f"{path}: the map shows no free space")
     grid = without_outside(known)

@@ -64,7 +64,8 @@ class Comparison:
         ratio: exp of the interquartile mean over cells of ln(metres / baseline's metres), interval over
             buildings.
         plan_ratio: The same over the buildings' mean log-ratios, so that every building counts once.
-        improvement: Probability of needing fewer metres than the baseline on a cell drawn at random.
+        improvement: Probability of needing fewer metres than the baseline on a cell drawn at random; as many
+            count half.
         reached: Share of this agent's runs that reached the level, 0..1.
     """
 
@@ -82,7 +83,11 @@ class Comparison:
 
 @dataclass(frozen=True, kw_only=True)
 class AgentSummary:
-    """Plain figures of one agent in one group; medians over its runs unless said otherwise."""
+    """Plain figures of one agent in one group.
+
+    Coverage and revisits are means over its runs, finished rooms their share of all rooms of its runs, the
+    others medians.
+    """
 
     sensor: str
     agent: str
@@ -104,7 +109,7 @@ class PooledCurve:
 
     Attributes:
         agent: The strategy.
-        x: float64 (k,), multiples of the baseline's distance.
+        x: float64 (k,), multiples of the baseline's distance; of its budget where it did not get there.
         mean: float64 (k,), mean coverage over cells.
         low: float64 (k,), lower quartile over cells.
         high: float64 (k,), upper quartile over cells.
@@ -339,6 +344,24 @@ def by_plan(rows: Iterable[Row], metric: str) -> dict[tuple[str, str], dict[str,
         key: {agent: interquartile_mean(v) for agent, v in agents.items()}
         for key, agents in sorted(values.items())
     }
+
+
+def ratios_by_plan(
+    rows: Iterable[Row], metric: str, baseline: str
+) -> dict[tuple[str, str], dict[str, float]]:
+    """As `by_plan`, each agent's metres over the baseline's, of the starts that ended well with both.
+
+    Agents without such a start, or whose baseline needed no metre there, are left out.
+    """
+    rows, found = list(rows), dict[tuple[str, str], dict[str, float]]()
+    cells = cells_of_agents(rows)
+    for agent, mine in cells.items():
+        both, pair = mine & cells.get(baseline, set()), (agent, baseline)
+        shared = by_plan((row for row in rows if row.agent in pair and _cell(row) in both), metric)
+        for key, metres in shared.items():
+            if metres[baseline] > 0:
+                found.setdefault(key, {})[agent] = metres[agent] / metres[baseline]
+    return found
 
 
 def agents_of(rows: Iterable[Row]) -> list[str]:

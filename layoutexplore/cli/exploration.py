@@ -126,7 +126,7 @@ def save_run(folder: Path, simulation: Simulation, watcher: RunWatcher) -> list[
     save_grid(simulation.mapper.grid, folder / "map.yaml")
     tables = {
         "track": (simulation.track, "%.4f", "x,y,theta"),
-        "curve": (simulation.curve, "%.6f", "distance,coverage,scan"),
+        "curve": (simulation.curve, ["%.6f", "%.6f", "%d"], "distance,coverage,scan"),
     }
     for name, (table, digits, header) in tables.items():
         text = io.StringIO()

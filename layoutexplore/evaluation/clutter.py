@@ -40,7 +40,7 @@ class ClutterConfig:
     Attributes:
         shapes: Some of `SHAPES`.
         counts: Obstacles a map (the paper: 20 to 180).
-        sizes: Largest extent of an obstacle in cells (the paper: 2 to 39).
+        sizes: Side or diameter of an obstacle in cells, of a rectangle the longer one (the paper: 2 to 39).
         seed: Of the places and proportions.
         lines: Whether the wall-line error is measured too.
         rose: Options of the decluttering.
@@ -74,7 +74,7 @@ class ClutterTrial:
         map: Name of the map.
         shape: Of the obstacles.
         count: Number of obstacles.
-        size: Extent of an obstacle in cells.
+        size: Side or diameter of an obstacle in cells.
         precision: Share of structure among the kept cells; 1 where none is kept.
         recall: Share of the structure that is kept.
         score: W of the cluttered map.
@@ -138,6 +138,9 @@ def run_study(
     config = config or ClutterConfig()
     if not maps:
         raise MapError("the clutter study needs at least one map")
+    for name, grid in maps.items():
+        check_kind(f"map {name!r}", grid, OccupancyGrid)
+    maps = {name: grid.trinary for name, grid in maps.items()}
     trials: list[ClutterTrial] = []
     for k, (name, grid) in enumerate(maps.items(), start=1):
         trials += trials_of_map(name, grid, config)
@@ -217,7 +220,7 @@ def add_clutter(
         grid: The map.
         shape: One of `SHAPES`; rectangles get random proportions and all shapes but circles a random turn.
         count: Number of obstacles.
-        size: Largest extent, in cells.
+        size: Side or diameter in cells; of a rectangle the longer side, of diamonds and stars tip to tip.
         rng: Where they lie.
     """
     NATURAL.convert("count", count)

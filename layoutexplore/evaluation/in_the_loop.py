@@ -25,8 +25,9 @@ class LoopScore:
 
     Attributes:
         predictor: Its name.
-        mcc: Matthews' correlation of closed and open frontiers.
-        hidden_iou: IoU of the predicted and the true hidden parts of rooms, interval over buildings.
+        mcc: Matthews' correlation of closed and open frontiers; NaN where none was judged.
+        hidden_iou: IoU of the predicted and the true hidden parts of rooms, interval over buildings; NaN
+            where no room was half seen.
         leftover: Share of frontiers of which "closed, with less than 1 m2 left" is told rightly, 0..1.
         ms: Milliseconds of a prediction, median.
         d95: Metres to 95 % over those of the baseline, interval over buildings; None where nothing ran.
@@ -72,7 +73,7 @@ def score_in_the_loop(summary: Mapping[str, Any], rows: Sequence[Row]) -> list[L
 
 def _line(name: str, part: Mapping[str, Any], pooled: Mapping[tuple[str, str], Comparison]) -> LoopScore:
     rooms, frontiers = part["rooms"], part["frontiers"]
-    nothing = {"hidden_iou": 0.0, "hidden_low": float("nan"), "hidden_high": float("nan")}
+    nothing = dict.fromkeys(("hidden_iou", "hidden_low", "hidden_high"), float("nan"))
     hidden = rooms[0] if rooms else nothing
     d95, d99 = (pooled.get((driver_of(name), metric)) for metric in ("d95", "d99"))
     return LoopScore(

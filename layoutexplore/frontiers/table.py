@@ -29,7 +29,7 @@ class Frontier:
         straight_distance: Straight distance from the robot to the centroid, in metres.
         visible_area: Unknown area in square metres that rays from the viewpoint would cross within the gain
             range.
-        is_closed: The rest of an almost finished room (True), leads on (False), or not predicted (None).
+        is_closed: The rest of a seen room and nothing else (True), leads on (False), or not predicted (None).
         expected_area: Predicted unknown area behind the frontier in square metres; None without a predictor.
         confidence: The predictor's probability that `is_closed` is right; None without a predictor.
         room: Id of the predicted room that holds the frontier; None without one.

@@ -18,6 +18,9 @@ from layoutexplore.grids.arrays import Cells, Floats, Ints, Mask, shows_shapes
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 
+FREE_UP_TO, OCCUPIED_FROM = 19, 65
+"""Of a cell that holds a probability in per cent: up to this one it is free, from that one occupied (ROS)."""
+
 
 class Pose(NamedTuple):
     """Position in metres and heading in radians, counter-clockwise from x."""
@@ -41,8 +44,9 @@ class OccupancyGrid:
     """A grid of int8 cells with a resolution and an origin.
 
     Attributes:
-        cells: int8 (rows, cols); -1 unknown, 0 free ... 100 occupied. An array int8 is shared, not copied,
-            and not searched for other values, which would take long on a large map: `check_cell_range` does.
+        cells: int8 (rows, cols); -1 unknown, 0 free, 100 occupied, between them a probability in per cent,
+            which `trinary` decides. An array int8 is shared, not copied, and not searched for other values,
+            which would take long on a large map: `check_cell_range` does.
         resolution: Side of a cell in metres.
         origin: Pose of the lower left corner of cell (0, 0) in the world.
 
@@ -99,6 +103,19 @@ class OccupancyGrid:
     def unknown(self) -> Mask:
         """Bool (rows, cols): cells of which nothing is known (value -1)."""
         return np.equal(self.cells, UNKNOWN)
+
+    @property
+    def trinary(self) -> OccupancyGrid:
+        """The grid with nothing but -1, 0 and 100; itself where it holds nothing else.
+
+        Cells of probabilities are decided as by ROS's map_server: up to 19 per cent they are free, from 65
+        occupied, in between unknown.
+        """
+        if not ((self.cells > FREE) & (self.cells < OCCUPIED)).any():
+            return self
+        low = np.where(self.cells <= FREE_UP_TO, np.minimum(self.cells, FREE), UNKNOWN)
+        cells = np.where(self.cells >= OCCUPIED_FROM, OCCUPIED, low).astype(np.int8)
+        return OccupancyGrid(cells, self.resolution, self.origin)
 
     @property
     def free_area(self) -> float:

@@ -299,22 +299,22 @@ def save_grid(grid: OccupancyGrid, path: str | os.PathLike[str], *, mode: str = 
         "occupied_thresh": 1.0 if mode == "scale" else _OCCUPIED_THRESHOLD,
         "free_thresh": 0.0 if mode == "scale" else _FREE_THRESHOLD,
     }
-    _, encoded = cv2.imencode(image.suffix, _to_pixels(grid.cells[::-1], mode))
+    _, encoded = cv2.imencode(image.suffix, _to_pixels(grid, mode))
     write_atomically(image, encoded.tobytes())
     import yaml
 
     write_atomically(path, yaml.safe_dump(text, sort_keys=False, default_flow_style=None).encode())
 
 
-def _to_pixels(cells: Cells, mode: str) -> Bytes:
+def _to_pixels(grid: OccupancyGrid, mode: str) -> Bytes:
+    cells = (grid.trinary if mode == "trinary" else grid).cells[::-1]
     if mode == "raw":
         return np.where(cells == UNKNOWN, 255, cells).astype(np.uint8)
     if mode == "scale":
         grey = np.rint((100 - np.maximum(cells, 0).astype(np.float64)) * 2.55).astype(np.uint8)
         opaque = np.where(cells == UNKNOWN, 0, 255).astype(np.uint8)
         return np.dstack([grey, grey, grey, opaque])
-    free, occupied = (cells >= 0) & (cells <= 100 * _FREE_THRESHOLD), cells >= 100 * _OCCUPIED_THRESHOLD
-    return np.where(free, 254, np.where(occupied, 0, 205)).astype(np.uint8)
+    return np.where(cells == FREE, 254, np.where(cells == OCCUPIED, 0, 205)).astype(np.uint8)
 
 
 def check_picture(name: str, image: object) -> None:

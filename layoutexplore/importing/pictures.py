@@ -140,7 +140,7 @@ def read_picture(path: str | os.PathLike[str], config: PictureConfig | None = No
         resolution=config.resolution,
         unknown_grey=config.unknown_grey,
         image_anywhere=config.image_anywhere,
-    )
+    ).trinary
     return grid if config.keep_outside else without_outside(grid)
 
 

@@ -24,7 +24,8 @@ def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None
     """Reconstruct the layout of a grid.
 
     Args:
-        grid: Any occupancy grid, complete or partial, clean or cluttered.
+        grid: Any occupancy grid, complete or partial, clean or cluttered; of probabilities, `grid.trinary` is
+            what methods see.
         method: "default" (also called "merging"), "rose2", "ias15", "rose", "morphological", "distance",
             "voronoi" or "doorways", with options as `NAME:key=value,...`; or one of your own,
             `FILE.py:FUNCTION` or `package.module:FUNCTION`.
@@ -41,7 +42,7 @@ def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None
     check_kind("grid", grid, OccupancyGrid)
     check_kind("method", method, str)
     chosen = layout_method(method)
-    return chosen.run(grid, chosen.config(config)).completed()
+    return chosen.run(grid.trinary, chosen.config(config)).completed()
 
 
 @checks_calls
@@ -80,6 +81,7 @@ class LayoutCache:
             grid: The grid.
             part: What the method is shown of it; all of it unless given.
         """
+        grid = grid.trinary
         seen = grid.cells.copy() if self.exact else grid.cells == OCCUPIED
         frame = grid.resolution, grid.origin
         if self._layout is None or frame != self._frame or self._differs(grid, seen):

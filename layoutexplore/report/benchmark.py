@@ -30,6 +30,7 @@ from layoutexplore.benchmark.analysis import (
     headline_level,
     measured_levels,
     pooled_curves,
+    ratios_by_plan,
     summarise_agents,
 )
 from layoutexplore.benchmark.manifest import agents_that_know
@@ -108,7 +109,7 @@ class AgentLine:
 
 @dataclass(frozen=True)
 class PlanLine:
-    """One row of the table by floor plan: metres of each agent, and their ratio to the baseline's."""
+    """One row of the table by floor plan: metres of each agent, and ratios to the baseline's."""
 
     plan: str
     sensor: str
@@ -295,8 +296,8 @@ def _verdict(best: Comparison, baseline: str, *, same_cells: bool) -> str:
     share = f"{best.metric[1:]}{NBSP}% of a floor"
     needs = f"{number(ratio.estimate)} of the metres of {baseline} to see {share}{interval_text}"
     better = (
-        f"It needs fewer than {baseline} in {percent(best.improvement.estimate)} of {best.cells} paired runs."
-        + ("" if same_cells else " Not all agents ran the same cells: see below.")
+        f"It needs fewer than {baseline} in {percent(best.improvement.estimate)} of {best.cells} paired "
+        "runs; as many count half." + ("" if same_cells else " Not all agents ran the same cells: see below.")
     )
     if known and ratio.high < 1:
         return f"needs {needs}. {better}"
@@ -346,11 +347,10 @@ def _planned(manifest: dict[str, Any]) -> int:
 
 def _plan_lines(rows: Sequence[Row], baseline: str, level: str) -> list[PlanLine]:
     areas = {(row.plan, row.sensor): row.target_area for row in rows if not row.error}
-    lines = []
-    for (plan, sensor), metres in by_plan(rows, level).items():
-        base = metres.get(baseline)
-        ratios = {agent: value / base if base else math.nan for agent, value in metres.items()}
-        lines.append(PlanLine(plan, sensor, areas[plan, sensor], metres, ratios))
+    lines, paired = [], ratios_by_plan(rows, level, baseline)
+    for key, metres in by_plan(rows, level).items():
+        ratios = dict.fromkeys(metres, math.nan) | paired.get(key, {})
+        lines.append(PlanLine(*key, areas[key], metres, ratios))
     return lines
 
 

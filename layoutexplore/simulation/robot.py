@@ -282,8 +282,10 @@ class Robot:
         disc = np.array(ahead, np.int32) + disc_offsets(self._radius / raster.resolution)
         disc = disc[((disc >= 0) & (disc < np.array(raster.shape))).all(axis=1)]
         walls = disc[raster.occupied[disc[:, 0], disc[:, 1]]]
-        believed_cell = raster.world_to_cell(self.believed.x, self.believed.y)
-        return np.asarray(walls + np.array(believed_cell) - np.array(here), np.int32)
+        # as (row, col) from the robot, turned to where it believes that they lie
+        c, s = math.cos(offset), math.sin(offset)
+        away = np.rint((walls - np.array(here)) @ np.array([[c, s], [-s, c]])).astype(np.int32)
+        return np.asarray(away + np.array(raster.world_to_cell(self.believed.x, self.believed.y)), np.int32)
 
     def _drifted(self, dx: float, dy: float, length: float) -> tuple[float, float, float]:
         """The true displacement for a believed one, and the drift of the heading."""

@@ -7,6 +7,7 @@ the agents.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -52,12 +53,18 @@ def protocol_explorations(
     starts: int = 1,
     noise: str = "",
 ) -> Iterator[list[Snapshot]]:
-    """The explorations by which half-seen rooms are evaluated, by each sensor; stored ones are read."""
+    """The explorations by which half-seen rooms are evaluated, by each sensor; stored ones are read.
+
+    A look that passes several shares of coverage at once counts once, at the highest of them.
+    """
     for sensor in sensors:
         for seed in range(starts):
-            yield explore_plan(
+            found = explore_plan(
                 plan, make_agent(PROTOCOL_AGENT), sensor=sensor, seed=seed, store=store, noise=noise
             )
+            grids = [snapshot.decision.grid.cells for snapshot in found]
+            passed = [np.array_equal(*pair) for pair in itertools.pairwise(grids)]
+            yield [snapshot for snapshot, again in zip(found, [*passed, False], strict=False) if not again]
 
 
 def stopped_explorations(

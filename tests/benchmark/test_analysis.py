@@ -19,6 +19,7 @@ from layoutexplore.benchmark.analysis import (
     headline_level,
     measured_levels,
     pooled_curves,
+    ratios_by_plan,
     summarise_agents,
 )
 from layoutexplore.benchmark.rows import Row, knows_the_plan
@@ -148,6 +149,17 @@ def test_curves_are_in_units_of_the_baseline() -> None:
 def test_table_by_plan() -> None:
     rows = [row("a", "tour", 10), row("a", "tour", 20, start=1), row("b", "tour", 4)]
     assert by_plan(rows, "d95") == {("a", "stage"): {"tour": 15.0}, ("b", "stage"): {"tour": 4.0}}
+
+
+def test_ratios_by_plan_are_of_the_starts_that_both_ran() -> None:
+    """An agent that failed on the long starts does not look shorter for it."""
+    rows = [row("a", "nearest", metres, start=k) for k, metres in enumerate((10, 100, 100))]
+    rows += [row("a", "tour", 12), row("a", "tour", 1, start=1, error="Boom"), row("b", "tour", 4)]
+    rows += [row("c", "nearest", 0), row("c", "tour", 0)]
+    assert ratios_by_plan(rows, "d95", "nearest") == {
+        ("a", "stage"): {"nearest": 1.0, "tour": pytest.approx(1.2)}
+    }
+    assert by_plan(rows, "d95")["a", "stage"] == {"nearest": 85.0, "tour": 12.0}
 
 
 def test_who_knows_the_plan() -> None:

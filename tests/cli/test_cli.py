@@ -173,6 +173,7 @@ def test_explore_films_and_saves(plan: Path, tmp_path: Path) -> None:
     track = np.loadtxt(out / "track.csv", delimiter=",", skiprows=1)
     curve = np.loadtxt(out / "curve.csv", delimiter=",", skiprows=1)
     assert track[0].tolist() == [2.0, 2.0, 0.5] and curve[-1, 1] >= 0.99
+    assert (out / "curve.csv").read_text().splitlines()[1].endswith(",1")  # scans are counted, not measured
     pictures = sorted(out.glob("seen_*.png"))
     assert pictures[-1].name == "seen_100.png" and all(
         cv2.imread(str(path)).shape[2] == 3 for path in pictures

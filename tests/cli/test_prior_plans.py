@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from pathlib import Path
 
@@ -16,6 +17,8 @@ from layoutexplore.cli.explore import with_prior
 from layoutexplore.errors import ConfigError
 from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from tests.plans import HOUSE
 
 runner = CliRunner()
 
@@ -83,6 +86,19 @@ def test_registrations_are_studied_and_one_building_is_too_few_to_learn_from(tmp
     assert "| true | 75% | 1 |" in table and "Calibration error" in table
     fitted = runner.invoke(app, ["evaluate", "train-prior", *words])
     assert fitted.exit_code != 0 and "two buildings" in str(fitted.exception)
+
+
+def test_where_no_registration_is_right_or_wrong_there_is_no_calibration(tmp_path: Path) -> None:
+    floors = [floorplan_from_ascii(HOUSE, name=f"tower-floor-{k}") for k in (1, 2)]
+    for floor in floors:
+        save_plan(dataclasses.replace(floor, building="tower"), tmp_path / f"{floor.name}.geojson")
+    floor, out = tmp_path / "tower-floor-1.geojson", tmp_path / "out"
+    words = ["evaluate", "registration", str(floor), "-k", "other-floor", "-s", "stage", "--out", str(out)]
+    for among, said in (([], "No registration is judged"), (["--among", str(tmp_path)], "Milliseconds of")):
+        result = runner.invoke(app, [*words, *among])
+        assert result.exit_code == 0, result.output
+        table = (out / "registration.md").read_text()
+        assert said in table and "Calibration" not in table
 
 
 def test_unknown_kinds_are_refused(tmp_path: Path) -> None:

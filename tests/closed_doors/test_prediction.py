@@ -69,3 +69,10 @@ def test_a_drawn_scene_gives_the_same_doors_and_rooms_on_every_grid(resolution: 
 def test_a_grid_without_anything_known_stays_as_it_is() -> None:
     predicted = predict_closed_rooms(OccupancyGrid(np.full((50, 60), UNKNOWN, np.int8), 0.05))
     assert predicted.doors == 0 and not predicted.rooms.any()
+
+
+def test_rooms_are_predicted_in_a_map_of_probabilities() -> None:
+    seen = office((2,))[0]
+    likely = np.where(seen == OCCUPIED, 90, np.where(seen == FREE, 5, seen)).astype(np.int8)
+    found, soft = (predict_closed_rooms(OccupancyGrid(cells, 0.05)) for cells in (seen, likely))
+    assert found.rooms.any() and np.array_equal(soft.grid.cells, found.grid.cells)

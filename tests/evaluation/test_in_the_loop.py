@@ -17,6 +17,7 @@ from layoutexplore.benchmark.runner import Outcome
 from layoutexplore.cli import benchmark
 from layoutexplore.evaluation.in_the_loop import BASELINE, driver_of, score_in_the_loop
 from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.plans import offices
 
 PREDICTORS = ("none", "reconstruct:rose2")
@@ -49,7 +50,17 @@ def test_every_predictor_has_the_metres_of_its_own_driver() -> None:
 
 def test_a_predictor_without_rooms_to_judge_has_no_scores() -> None:
     (line,) = score_in_the_loop({"none": {"rooms": [], "frontiers": [], "ms": 1.0}}, [])
-    assert math.isnan(line.mcc) and line.d95 is None
+    assert math.isnan(line.mcc) and math.isnan(line.hidden_iou.estimate) and line.d95 is None
+
+
+def test_a_plan_that_one_look_shows_is_judged_by_nobody(tmp_path: Path) -> None:
+    plan = tmp_path / "closet.geojson"
+    save_plan(floorplan_from_ascii("#####\n#...#\n#...#\n#####", 0.5, name="closet"), plan)
+    arguments = [str(plan), "--out", str(tmp_path / "out"), "-s", "indoor", "--jobs", "1", "-p", "none"]
+    result = CliRunner().invoke(cli.app, ["evaluate", "in-the-loop", *arguments])
+    assert result.exit_code == 0, result.output
+    (line,) = (line for line in result.output.splitlines() if line.startswith("none "))
+    assert line.split() == ["none", *"––––", "1.00", "1.00"]
 
 
 def test_the_command_writes_a_page_and_goes_on(tmp_path: Path) -> None:

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from layoutexplore.errors import ConfigError, MapError, MapWarning, MissingExtraError
+from layoutexplore.grids.grid import OccupancyGrid
+from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.importing.pictures import PictureConfig, picture_config, read_picture
 from layoutexplore.layout import blueprint
 from tests.importing.cases import office, write_ros_map
@@ -46,6 +48,13 @@ def test_the_unknown_of_a_ros_map(tmp_path: Path) -> None:
     assert read_picture(path, PictureConfig(unknown_grey="none", keep_outside=True)).free_area > 140
     with pytest.raises(MapError, match="no blueprint"):
         read_picture(path, PictureConfig(blueprint=True))
+
+
+def test_a_ros_map_of_probabilities_has_floor_and_walls(tmp_path: Path) -> None:
+    cells = np.array([[90, 90, 90], [90, 8, 40], [-1, 90, 90]], np.int8)
+    save_grid(OccupancyGrid(cells, 0.05), tmp_path / "soft.yaml", mode="scale")
+    read = read_picture(tmp_path / "soft.yaml", PictureConfig(keep_outside=True))
+    assert read.cells.tolist() == [[100, 100, 100], [100, 0, -1], [-1, 100, 100]]
 
 
 def test_a_blueprint_is_read_without_its_ocr(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ from layoutexplore.drawing.layouts import draw_layout
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.layout.export import layout_to_geojson
-from layoutexplore.layout.pipeline import METHOD_MODULES, layout_method, reconstruct
+from layoutexplore.layout.pipeline import METHOD_MODULES, LayoutCache, layout_method, reconstruct
 from layoutexplore.layout.types import OUTSIDE, Layout, LayoutRoom
 
 PAGES = Path(__file__).parents[2] / "layoutexplore" / "documentation" / "pages"
@@ -185,3 +185,14 @@ def test_free_areas_of_labels_of_any_kind() -> None:
     room = LayoutRoom(id=1, polygon=shapely.box(0, 0, 1, 1))
     layout = Layout(method="mine", clean_grid=OccupancyGrid(cells, 0.5), labels=labels, rooms=(room,))
     assert layout.free_areas == {1: 0.75}
+
+
+@pytest.mark.parametrize("method", METHOD_MODULES)
+def test_a_map_of_probabilities_has_the_rooms_of_what_is_likely(method: str) -> None:
+    cells = hard_inputs()["disconnected"]
+    likely = np.where(cells == 100, 80, np.where(cells == 0, 12, -1)).astype(np.int8)
+    layout, soft = (reconstruct(OccupancyGrid(each, 0.05), method) for each in (cells, likely))
+    assert np.array_equal(soft.labels, layout.labels) and soft.warnings == layout.warnings
+    assert np.array_equal(soft.clean_grid.cells, layout.clean_grid.cells)
+    cached = LayoutCache(method)(OccupancyGrid(likely, 0.05))
+    assert np.array_equal(cached.labels, layout.labels)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -22,6 +23,14 @@ def test_a_ros_map_is_a_floor_plan(tmp_path: Path) -> None:
     assert plan.metadata["format"] == "ROS map"
     assert [room.polygon.area for room in plan.rooms] == [2.5]
     assert plan.bounds[:2] == (grid.origin.x, grid.origin.y)
+
+
+@pytest.mark.parametrize("mode", ["scale", "raw"])
+def test_a_ros_map_of_probabilities_is_a_floor_plan(tmp_path: Path, mode: str) -> None:
+    grid = floorplan_from_ascii("#######\n#aaaaa#\n#aaaaa#\n#######", 0.5).rasterize(0.5, margin=0.0).grid
+    cells = np.where(grid.occupied, 70, 10).astype(np.int8)
+    save_grid(OccupancyGrid(cells, 0.5, grid.origin), tmp_path / "hall.yaml", mode=mode)
+    assert [room.polygon.area for room in load_plan(tmp_path / "hall.yaml").rooms] == [2.5]
 
 
 def test_plain_images_and_their_scale(tmp_path: Path) -> None:

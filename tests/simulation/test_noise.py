@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import pickle
 from dataclasses import asdict, replace
 
@@ -16,7 +17,7 @@ from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.planning.traversability import Traversability
 from layoutexplore.sensing.lidar import sensor
 from layoutexplore.simulation.config import NOISE, SimulationConfig
-from layoutexplore.simulation.robot import BACK, OdometryNoise
+from layoutexplore.simulation.robot import BACK, OdometryNoise, Robot
 from layoutexplore.simulation.second_look import TRIES, WAYS_BACK, SecondLook, way_back, way_out
 from layoutexplore.simulation.simulation import Simulation
 
@@ -32,6 +33,9 @@ TWO_ROOMS = """
 """
 
 
+HALL = "\n".join(("#" * 22, *("#" + "." * 20 + "#" for _ in range(20)), "#" * 22))
+
+
 def explored(config: SimulationConfig, plan: str, seed: int) -> Simulation:
     simulation, agent = Simulation(plan, config), make_agent("nearest")
     agent.reset(seed=seed)
@@ -45,6 +49,21 @@ def error(simulation: Simulation) -> float:
     """Metres between where the robot is and where it believes to be."""
     believed, true = simulation.robot.believed, simulation.robot.pose
     return float(np.hypot(believed.x - true.x, believed.y - true.y))
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi, 0.3])
+def test_a_wall_that_stops_a_robot_is_put_ahead_of_where_it_believes_to_go(turn: float) -> None:
+    raster = floorplan_from_ascii(HALL, resolution=0.5, name="hall").rasterize(0.1)
+    row, col = np.argwhere(~raster.blocked(0.2))[-1].tolist()  # in the highest row that it can stand in
+    true = Pose(*raster.cell_to_world(row, col - 20), 0.5 * math.pi)
+    robot = Robot(raster, 0.2, true, OdometryNoise(rotation=0.01), np.random.default_rng(0))
+    robot.relocate(true._replace(x=true.x - 1.0, theta=true.theta - turn))
+    x, y, theta = robot.believed
+    assert robot.translate(0.1 * math.cos(theta), 0.1 * math.sin(theta))[1]
+    walls = robot.touched(0.1 * math.cos(theta), 0.1 * math.sin(theta)) - np.array(raster.world_to_cell(x, y))
+    ahead, aside = walls @ (math.sin(theta), math.cos(theta)), walls @ (math.cos(theta), -math.sin(theta))
+    assert len(walls)
+    assert (ahead > 1.0).all() and (abs(aside) < ahead).all()
 
 
 @pytest.mark.parametrize("level", NOISE)

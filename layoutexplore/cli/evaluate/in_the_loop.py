@@ -151,9 +151,17 @@ def _believed(snapshots: Sequence[Snapshot], predictors: Sequence[RoomPredictor]
 
 
 def _print(scores: Sequence[LoopScore]) -> None:
+    from layoutexplore.report.templates import number, percent
+
     heads = ("MCC", "hidden IoU", "leftover", "ms", "d95", "d99")
     typer.echo(f"{'predictor':<28}" + "".join(f"{head:>18}" for head in heads))
     for s in scores:
         ways = [f"{w:.2f}" if w else "-" for w in (s.d95, s.d99)]
-        values = [f"{s.mcc:.2f}", f"{s.hidden_iou.estimate:.2f}", f"{s.leftover:.1%}", f"{s.ms:.1f}", *ways]
+        values = [
+            number(s.mcc),
+            number(s.hidden_iou.estimate),
+            percent(s.leftover, 1),
+            number(s.ms, 1),
+            *ways,
+        ]
         typer.echo(f"{s.predictor:<28}" + "".join(f"{value:>18}" for value in values))

@@ -25,6 +25,12 @@ KINDS = ("true", "rough", "corridors", "other-floor", "wrong", "mirrored")
 UNPLACED = "other-floor"
 """Prior plans of which nobody knows where they lie: of these, none is right or wrong."""
 
+NOTHING = (
+    "No registration is judged: the floors are seen whole at the first look, or no such prior plan is known: "
+    "--among tells where other floors and buildings are."
+)
+"""What is said instead of lines."""
+
 Plans = Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")]
 Folder = Annotated[Path, typer.Option(help="Folder for the rows; the same command goes on in it.")]
 Kinds = Annotated[
@@ -67,18 +73,19 @@ def registration(
             f"| {s.kind} | {s.coverage:.0%} | {s.floors} | {interval} | {error} | {s.confidence:.2f} "
             f"| {s.believed:.2f} | {wrongly} |"
         )
+    lines.append("" if rows else f"\n{NOTHING}")
     placed = np.array([row.kind != UNPLACED for row in rows], np.bool_)
     right = np.array([row.right for row in rows], np.bool_)[placed]
-    last = {(row.plan, row.sensor, row.kind): row for row in rows}.values()
-    times = np.array([[row.first_ms, row.median_ms, row.p95_ms] for row in last])
-    lines += [
-        "",
-        f"Calibration error: {calibration_error(confidence[placed], right):.3f} over "
-        f"{len(right)} registrations.",
-        "Milliseconds of processor time, medians over explorations: first match "
-        f"{np.median(times[:, 0]):.0f}, later decisions "
-        f"{np.median(times[:, 1]):.0f}, their 95th percentile {np.median(times[:, 2]):.0f}.",
-    ]
+    if len(right):
+        gap = calibration_error(confidence[placed], right)
+        lines.append(f"Calibration error: {gap:.3f} over {len(right)} registrations.")
+    if rows:
+        last = {(row.plan, row.sensor, row.kind): row for row in rows}.values()
+        times = np.median([[row.first_ms, row.median_ms, row.p95_ms] for row in last], axis=0)
+        lines.append(
+            f"Milliseconds of processor time, medians over explorations: first match {times[0]:.0f}, later "
+            f"decisions {times[1]:.0f}, their 95th percentile {times[2]:.0f}."
+        )
     text = "\n".join(lines) + "\n"
     write_atomically(out / "registration.md", text)
     typer.echo(text + f"\nwritten: {out / 'registration.md'}")

@@ -98,7 +98,7 @@ def fit_noise(real: Floats, simulated: SimulatedMaps, config: MapNoiseConfig, ke
         real: float64 (n, statistics) of real maps.
         simulated: Maps made with `config`.
         config: Wide ranges.
-        keep: Share of the simulated maps that stays, 0..1.
+        keep: Each real map keeps the simulated ones nearest to it, a tenth of this share of all, 0..1.
 
     Raises:
         ConfigError: Too few maps.
@@ -122,6 +122,8 @@ def fit_noise(real: Floats, simulated: SimulatedMaps, config: MapNoiseConfig, ke
 def told_apart(real: Floats, real_groups: Sequence[str], simulated: SimulatedMaps, seed: int = 0) -> float:
     """Area under the ROC curve of a forest that tells real from simulated maps, cross-validated by building.
 
+    NaN where all maps of either kind are of one building: held out, the forest would not know that kind.
+
     Args:
         real: float64 (n, statistics) of real maps.
         real_groups: The building of each, as far as it is known.
@@ -136,6 +138,8 @@ def told_apart(real: Floats, real_groups: Sequence[str], simulated: SimulatedMap
     from sklearn.model_selection import StratifiedGroupKFold, cross_val_predict
 
     _check_counts(len(real), len(simulated.maps))
+    if min(len({*real_groups}), len({*simulated.buildings})) < 2:
+        return float("nan")
     table = standardised(np.vstack([real, simulated.statistics()]), real)
     truth = np.arange(len(table)) < len(real)
     groups = [*(f"real {name}" for name in real_groups), *(f"plan {name}" for name in simulated.buildings)]

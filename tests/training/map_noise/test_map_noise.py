@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app
@@ -16,8 +17,8 @@ from layoutexplore.grids.grid import FREE
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.painted_rooms import find_cases, read_case
 from layoutexplore.training.map_noise.files import describe_folders, read_noise, write_cases
-from layoutexplore.training.map_noise.fit import fit_noise, simulate_maps, told_apart
-from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
+from layoutexplore.training.map_noise.fit import SimulatedMaps, fit_noise, simulate_maps, told_apart
+from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, NoisyMap, simulate_map
 from layoutexplore.training.map_noise.statistics import describe_grid
 from layoutexplore.training.merging_examples import Example
 from layoutexplore.training.room_merging import training_examples
@@ -34,6 +35,9 @@ QUIET = MapNoise.draw(
 
 FAST = dataclasses.replace(WIDE, resolution=(0.08, 0.12), beams=(90, 180), spacing=(2.0, 4.0))
 PLANS = [f"apartment:{k}" for k in range(4)]
+
+
+TINY = NoisyMap(np.zeros((1, 1), np.int8), np.zeros((1, 1), np.int32), 0.1, QUIET)
 
 
 def test_without_noise_the_map_is_the_building() -> None:
@@ -86,6 +90,22 @@ def test_a_fit_finds_the_noise_that_maps_were_made_with() -> None:
     assert told_apart(real, [str(k) for k in range(len(real))], clean) > 0.9
     with pytest.raises(ConfigError, match="at least 10"):
         told_apart(real[:3], ["a"] * 3, clean)
+
+
+def test_maps_of_one_building_cannot_be_told_apart_held_out() -> None:
+    """Held out, no map of its kind is left to learn from: the area would be far below chance."""
+    table = np.random.default_rng(0).random((24, 10))
+    many, one = [f"b{k}" for k in range(12)], ["b"] * 12
+
+    class Made(SimulatedMaps):
+        def statistics(self) -> NDArray[np.float64]:
+            return table[12:]
+
+    def area(real: list[str], simulated: list[str]) -> float:
+        return told_apart(table[:12], real, Made((TINY,) * 12, tuple(simulated)))
+
+    assert np.isnan([area(one, many), area(many, one)]).all()
+    assert 0.0 < area(many, many) < 1.0
 
 
 def test_written_maps_are_cases_with_their_buildings(tmp_path: Path) -> None:

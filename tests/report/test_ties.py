@@ -1,0 +1,22 @@
+"""What a report says where every agent sees all from where it stands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.benchmark.runner import run_benchmark
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.report.benchmark import write_benchmark_report
+
+
+def test_a_tie_is_told_from_a_win(tmp_path: Path) -> None:
+    plan = tmp_path / "closet.geojson"
+    save_plan(floorplan_from_ascii("#####\n#...#\n#...#\n#####", 0.5, name="closet"), plan)
+    config = BenchmarkConfig(plans=(str(plan),), starts=2, agents=("nearest", "random"))
+    folder = run_benchmark(config, tmp_path / "out", jobs=1).folder
+    assert {(row.d95, row.d99) for row in folder.rows()} == {(0.0, 0.0)}
+    for path in write_benchmark_report(folder)[:2]:
+        said = path.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
+        assert "needs fewer than nearest in 50 % of 2 paired runs; as many count half" in said
