@@ -107,11 +107,11 @@ def test_a_run_is_not_overwritten(trained: Path, tmp_path: Path) -> None:
 def test_small_networks_stay_on_the_processor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
-    def note(device: str) -> Any:
+    def note(device: str) -> str:
         asked.append(device)
-        return torch.device("cpu")
+        return "cpu"
 
-    monkeypatch.setattr("layoutexplore.agents.rl.training.get_device", note)
+    monkeypatch.setattr("layoutexplore.agents.rl.training.chosen_device", note)
     for device in ("auto", "cuda"):
         monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
         Run(small_config(tmp_path), tmp_path / device, device=device, resume=False, watcher=Silent())
