@@ -12,7 +12,7 @@ from layoutexplore.drawing import palette
 from layoutexplore.drawing.labels import label_places
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import Interval
-from layoutexplore.report.plots import agent_look
+from layoutexplore.report.plots import agent_look, line_path
 
 MOST_DOTS = 1500
 """Dots of a scatter; of more, every n-th is drawn."""
@@ -118,8 +118,7 @@ def line_chart(
                         round((n + 0.5) * slot + shift, 2), height(value.estimate), low_end, high_end, title
                     )
                 )
-        path = "M" + " L".join(f"{p.x},{p.y}" for p in points) if points else ""
-        drawn.append((name, path, tuple(points)))
+        drawn.append((name, line_path((p.x, p.y) for p in points), tuple(points)))
     ends = [points[-1].y if points else 100.0 for _, _, points in drawn]
     series = [
         Series(name, *looks[name], path, points, end, round(label_at, 2))
