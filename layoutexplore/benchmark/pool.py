@@ -163,6 +163,10 @@ STUCK = 30.0
 """Seconds after which a worker is ended whose task does not hear that its time is over."""
 
 
+PREPARING = 120.0
+"""Seconds more than its task that a preparation may take: kernels may have to be compiled."""
+
+
 class CellTimeoutError(BaseException):
     """A task has taken longer than it may; no `except Exception` of an agent takes it for its own."""
 
@@ -177,7 +181,8 @@ class Limited(Generic[T, R]):
         seconds: At most so many, 0 for as long as it takes.
         megabytes: At most so much more memory than the process has at the beginning, 0 for any; then
             MemoryError is raised (Linux only).
-        prepare: Called with the task before either limit counts, if given; it must not raise.
+        prepare: Called with the task before either limit counts, if given; it must not raise. Where time is
+            limited, it ends `PREPARING` seconds after that time.
     """
 
     function: Callable[[T], R]
@@ -189,25 +194,31 @@ class Limited(Generic[T, R]):
     def __call__(self, task: T) -> R:
         """The result of a task."""
         if self.prepare:
-            self.prepare(task)
+            _in_time(self.prepare, task, _Deadline(PREPARING + self.seconds) if self.seconds else None)
         # A thread takes memory of its own: the deadline's is there before the limit is.
         deadline = _Deadline(self.seconds) if self.seconds else None
         with _memory(self.megabytes):
-            if deadline is None:
-                return self.function(task)
-            # In one frame, without a context manager in between: the error may come between any two steps.
+            found = _in_time(self.function, task, deadline)
+            return found[0] if found else self.late(task)
+
+
+def _in_time(function: Callable[[T], R], task: T, deadline: _Deadline | None) -> tuple[R] | tuple[()]:
+    """The result of a task, if it ends in time."""
+    if deadline is None:
+        return (function(task),)
+    # In one frame, without a context manager in between: the error may come between any two steps.
+    try:
+        try:
             try:
-                try:
-                    try:
-                        deadline.begin()
-                        result = self.function(task)
-                    finally:
-                        deadline.settle()
-                finally:
-                    deadline.settle()  # where the error came just before the first one began
-            except CellTimeoutError:
-                return self.late(task)
-            return self.late(task) if deadline.late else result
+                deadline.begin()
+                result = function(task)
+            finally:
+                deadline.settle()
+        finally:
+            deadline.settle()  # where the error came just before the first one began
+    except CellTimeoutError:
+        return ()
+    return () if deadline.late else (result,)
 
 
 class _Deadline:

@@ -195,7 +195,7 @@ def _fill(
         watcher.say(f"{len(tasks) - len(missing)} of {len(tasks)} runs are already in {folder.path}")
     if missing:
         watcher.say("compiling and loading the kernels (slow only the first time)")
-        warm_up(config, code, apart=_apart(config, jobs, cluster))
+        warm_up(config, code, apart=_apart(config, jobs, cluster) or config.cell_seconds > 0)
         if ":" in cluster:
             watcher.say(RUNS_CODE)
         at_a_time = f", {jobs} at a time" if jobs > 1 else ""
@@ -232,7 +232,7 @@ def warm_up(config: BenchmarkConfig, code: OwnCode = NO_CODE, *, apart: bool = F
     Args:
         config: Of the benchmark.
         code: Of the user's own.
-        apart: Leave own code to other processes, which it may end.
+        apart: Leave own code to its runs, which have limits, and to other processes, which it may end.
     """
     with code.installed():
         agents = [agent for agent in config.agents if not (apart and has_own_code(agent))]
