@@ -20,19 +20,11 @@ import safetensors.torch  # noqa: E402
 
 from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.checkpoint import FILE  # noqa: E402
-from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
+from layoutexplore.agents.rl.hyperparameters import read_config  # noqa: E402
 from layoutexplore.agents.rl.training import Run  # noqa: E402
 from layoutexplore.agents.rl.vector import VectorAdapter  # noqa: E402
 from layoutexplore.errors import ConfigError, LayoutExploreError, ResultsError  # noqa: E402
-from tests.agents.rl.cases import Silent, small_config, write_config  # noqa: E402
-
-
-def train(
-    config: TrainingConfig, folder: Path, *, resume: bool = False, watcher: Silent | None = None
-) -> Run:
-    run = Run(config, folder, device="cpu", resume=resume, watcher=watcher or Silent())
-    run.train()
-    return run
+from tests.agents.rl.cases import Silent, small_config, train, write_config  # noqa: E402
 
 
 def tensors(folder: Path) -> dict[str, Any]:
