@@ -233,12 +233,12 @@ def owners_of(ids: Ints32, foreseen: Foresight, cells: Cells, *, alone: bool = F
     """
     top, rooms = int(ids.max(initial=0)) + 1, int(foreseen.room_ids.max(initial=0)) + 1
     both = (cells == FREE) & (ids > 0) & (foreseen.room_ids > 0)
-    owner, seen = most_shared(foreseen.room_ids[both], ids[both], count=rooms)
+    best, seen = most_shared(foreseen.room_ids[both], ids[both], count=rooms)
     owned = seen > 0
     if alone:
-        rising = np.lexsort((seen, owner))
-        owned[rising[:-1]] &= np.diff(owner[rising]) > 0
-    owner = np.where(owned, owner, top + np.arange(rooms)).astype(np.int32)
+        rising = np.lexsort((seen, best))
+        owned[rising[:-1]] &= np.diff(best[rising]) > 0
+    owner = np.where(owned, best, top + np.arange(rooms)).astype(np.int32)
     owner[0] = 0
     return owner
 

@@ -74,16 +74,15 @@ class ForestPlot:
     name_width: int
 
 
-def forest(comparisons: Sequence[Comparison], metric: str = "d95", guard: str = "d99") -> ForestPlot:
+def forest(comparisons: Sequence[Comparison], metric: str = "d95") -> ForestPlot:
     """The comparisons of one group as a forest plot, best first.
 
     Args:
         comparisons: All metrics of one group.
-        metric: What is shown with its interval.
-        guard: What is shown as a small mark.
+        metric: What is shown with its interval; the distance to 99 % is a small mark.
     """
     shown = sorted((c for c in comparisons if c.metric == metric), key=lambda c: c.ratio.estimate)
-    guards = {c.agent: c for c in comparisons if c.metric == guard}
+    guards = {c.agent: c for c in comparisons if c.metric == "d99"}
     ends = [
         v for c in shown if c.ratio.estimate < _ODD for v in (c.ratio.low, c.ratio.high, c.ratio.estimate)
     ]

@@ -164,21 +164,16 @@ class Source:
     truth: Path | None
 
 
-def find_sources(
-    folder: Path | None, plans: Sequence[str], *, buildings: Sequence[str] | None = None
-) -> list[Source]:
+def find_sources(folder: Path | None, plans: Sequence[str]) -> list[Source]:
     """The maps that can be learnt from.
 
     Args:
         folder: NAME_k_doors_IN.png with NAME_GT.png, or None.
         plans: Floor plans to shut doors in.
-        buildings: Names in the folder that are used; all when None.
     """
     from layoutexplore.maps.closed_door_maps import find_triples
 
-    triples = (
-        [t for t in find_triples(folder) if buildings is None or t.building in buildings] if folder else []
-    )
+    triples = find_triples(folder) if folder else []
     out = [
         Source(building_of(t.building, "closed doors"), t.name, t.seen, t.truth)
         for t in triples
@@ -284,7 +279,7 @@ def save(models: Models, folder: Path, note: str) -> None:
     save_forests(folder / ROOM_MODEL.name, {AGREEMENT: models.rooms}, FEATURES, note)
 
 
-def train_from_command_line(arguments: Sequence[str] | None = None) -> None:
+def train_from_command_line() -> None:
     """Train from the command line."""
     from layoutexplore.maps import expand_plans
 
@@ -295,7 +290,7 @@ def train_from_command_line(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--cache", type=Path, help="folder for the samples of every map")
     parser.add_argument("--out", type=Path, default=ROOM_MODEL.parent, help="folder for the two models")
-    options = parser.parse_args(arguments)
+    options = parser.parse_args()
     sources = find_sources(options.folder, [plan for spec in options.plans for plan in expand_plans(spec)])
     collected = []
     for source, samples in collect_all(sources, options.cache):
