@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from layoutexplore.cli.evaluate.segmentation import JsonFile
 from layoutexplore.files import check_places, write_json
 
 ROOM_COLUMNS = (
@@ -70,9 +71,7 @@ def partial_rooms(
     out: Annotated[
         Path | None, typer.Option(help="Folder for a page with tables, plots and pictures of rooms.")
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write every number into this file.")
-    ] = None,
+    json_file: JsonFile = None,
 ) -> None:
     """Score half-seen rooms; `HELP` is what the command line says."""
     from layoutexplore.agents import make_agent
