@@ -17,8 +17,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from layoutexplore.processes import single_threaded as single_threaded
-from layoutexplore.processes import usable_cores as usable_cores
 from layoutexplore.processes.pools import start_pool, stop_pool
 
 T = TypeVar("T")

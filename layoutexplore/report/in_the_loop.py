@@ -17,9 +17,10 @@ from layoutexplore.drawing.room_fills import fills_of_rooms
 from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.in_the_loop import BASELINE, DRIVER, LoopScore
 from layoutexplore.files import safe_name, write_atomically, write_csv
-from layoutexplore.grids.arrays import Bytes, Mask
+from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.metrics.overlaps import shared_cells
 from layoutexplore.metrics.statistics import Interval
@@ -82,7 +83,7 @@ def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
         if room != rooms.rest:
             image[(ids == room) & (cells == UNKNOWN)] = palette.mix(palette.CANVAS, colour, HIDDEN)
     image[(ids == 0) & seen] = palette.FREE
-    unseen_wall = (cells == UNKNOWN) & truth.occupied & _beside(truth.free)
+    unseen_wall = (cells == UNKNOWN) & truth.occupied & with_neighbours(truth.free)
     image[unseen_wall] = palette.mix(palette.CANVAS, palette.WALL, FAINT)
     image[cells == OCCUPIED] = palette.WALL
     for frontier in snapshot.decision.frontiers:
@@ -92,11 +93,6 @@ def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
     scale = max(1, round(WIDTH / max(part.shape[:2])))
     large = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
     return np.ascontiguousarray(large[::-1], np.uint8)
-
-
-def _beside(mask: Mask) -> Mask:
-    """The cells within one step of a mask."""
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
 
 
 @checks_arguments

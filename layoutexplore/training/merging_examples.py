@@ -40,15 +40,7 @@ class Example:
     noisy: bool = False
 
 
-def make_example(
-    cells: Cells,
-    truth: Ints32,
-    resolution: float,
-    *,
-    building: str,
-    kind: str,
-    config: MergingConfig | None = None,
-) -> Example:
+def make_example(cells: Cells, truth: Ints32, resolution: float, *, building: str, kind: str) -> Example:
     """Cut a map into regions and count whose they are.
 
     Args:
@@ -57,9 +49,8 @@ def make_example(
         resolution: Metres a cell.
         building: Name of the building.
         kind: Kind of map, such as "empty".
-        config: Options of the merging.
     """
-    regions = find_regions(cells, resolution, config or MergingConfig(), StageTimer(), asked=True)
+    regions = find_regions(cells, resolution, MergingConfig(), StageTimer(), asked=True)
     labels = turn_back(regions.labels, regions.turned, (cells.shape[0], cells.shape[1]))
     free = cells == FREE
     counts = shared_cells(labels[free], truth[free], count=len(regions.part)).astype(np.float64)
