@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.segmentation import JsonFile
+from layoutexplore.cli.evaluate.options import JsonFile
 from layoutexplore.files import check_places, write_json
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.segmentation import JsonFile
+from layoutexplore.cli.evaluate.options import JsonFile
 from layoutexplore.files import check_places, write_json
 
 _FIGURES = {

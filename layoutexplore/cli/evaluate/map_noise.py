@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.segmentation import JsonFile
+from layoutexplore.cli.evaluate.options import JsonFile
 from layoutexplore.files import check_file, check_places, to_toml, write_atomically, write_json
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.segmentation import JsonFile
+from layoutexplore.cli.evaluate.options import FloorPlans, JsonFile, Sensors
 from layoutexplore.files import check_places, write_json
 
 ROOM_COLUMNS = (
@@ -57,13 +57,11 @@ HELP = (
 
 
 def partial_rooms(
-    plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
+    plans: FloorPlans,
     predictor: Annotated[
         list[str] | None, typer.Option("--predictor", "-p", help="Predictor; all when none is named.")
     ] = None,
-    sensor: Annotated[
-        list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
-    ] = None,
+    sensor: Sensors = None,
     starts: Annotated[int, typer.Option(min=1, max=10_000, help="Explorations per plan and sensor.")] = 1,
     snapshots: Annotated[
         Path | None, typer.Option(help="Folder that keeps the explorations, to ask again later.")
