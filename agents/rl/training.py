@@ -39,21 +39,13 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"maskable-ppo": FrontierPPO, "ppo"
 
 
 class Run(TrainingRun):
-    """A run of stable-baselines3 in its folder.
-
-    Args:
-        config: What to train.
-        folder: Where; it must not hold a run yet unless this one goes on with it.
-        device: "auto", "cpu" or "cuda".
-        resume: Go on from the checkpoint of the folder.
-        watcher: Told how it goes.
+    """A run of stable-baselines3 in its folder. Arguments and errors as for `TrainingRun`.
 
     Attributes:
         progress: How far it is.
 
     Raises:
-        ResultsError: The folder holds a run already, or, to go on, no checkpoint that fits.
-        ConfigError: There is no such device.
+        ResultsError: To go on, there is no checkpoint that fits.
     """
 
     def __init__(
