@@ -7,7 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from layoutexplore.errors import checks_arguments
 
+
+@checks_arguments
 def shared_cells(
     first: NDArray[np.integer[Any]], second: NDArray[np.integer[Any]], *, count: int = 0
 ) -> NDArray[np.int64]:
@@ -31,6 +34,7 @@ def shared_cells(
     return np.asarray(np.bincount(pairs, minlength=rows * cols).reshape(rows, cols), np.int64)
 
 
+@checks_arguments
 def most_shared(
     first: NDArray[np.integer[Any]], second: NDArray[np.integer[Any]], *, count: int = 0
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
