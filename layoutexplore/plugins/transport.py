@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import importlib
 import pickle
@@ -98,6 +99,7 @@ _installed = contextlib.ExitStack()
 
 def _install(code: OwnCode, begin: Callable[[], object]) -> None:
     _installed.enter_context(code.installed())
+    atexit.register(_installed.close)  # later there are no modules any more that it could leave as they were
     begin()
 
 

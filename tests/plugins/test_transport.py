@@ -23,6 +23,7 @@ def build():
 register_layout("mine", "One of my own.", build)
 with worker_pool(2) as pool:
     print("mine" in pool.submit(method_names).result(), *pool.map(abs, [-1, 2]))
+    pool.shutdown()  # its processes end by themselves, and say nothing
 """
 
 
