@@ -2,7 +2,7 @@
 
 A configuration is a frozen dataclass that calls `check` in its `__post_init__`. What is chosen by a text on
 the command line, an agent or a predictor, has its parameters in a child of `Options` and is read by
-`parse_spec`.
+`parse_options`.
 """
 
 from __future__ import annotations
@@ -263,24 +263,6 @@ class Options:
         check_fields(self)
 
 
-def parse_spec(what: str, spec: str, known: Mapping[str, Options]) -> tuple[str, Options]:
-    """Name and options from `NAME` or `NAME:key=value,key=value`.
-
-    Args:
-        what: What is chosen, "agent" or "predictor", for messages.
-        spec: The text.
-        known: The default options by name.
-
-    Raises:
-        UnknownNameError: There is no such name or parameter; the closest ones are suggested.
-        ConfigError: The text is not of that form, or a value makes no sense.
-    """
-    name, colon, text = spec.strip().partition(":")
-    if name not in known:
-        raise unknown_name(what, name, known)
-    return name, parse_options(what, spec, name, text if colon else None, known[name])
-
-
 def parse_options(what: str, spec: str, name: str, text: str | None, defaults: Any) -> Any:
     """Options from what stands behind `NAME:`, each of the type of its default.
 
@@ -342,7 +324,7 @@ def split_pairs(where: str, items: Iterable[str]) -> dict[str, str]:
 
 
 def format_spec(name: str, options: Any, defaults: Any) -> str:
-    """The text that `parse_spec` reads: parameters in their order, those that have their default left out."""
+    """The text `NAME:key=value,...`: parameters in their order, those that have their default left out."""
     fields = sorted(dataclasses.fields(options), key=lambda field: not field.metadata.get("positional"))
     changed = [
         ("" if field.metadata.get("positional") else f"{field.name}=")

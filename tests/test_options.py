@@ -28,7 +28,7 @@ from layoutexplore.options import (
     format_spec,
     from_table,
     option,
-    parse_spec,
+    parse_options,
     rule_like,
 )
 from layoutexplore.simulation.config import SimulationConfig
@@ -132,23 +132,25 @@ class BallOptions(Options):
 
 
 def test_texts_are_read_as_they_are_written() -> None:
-    known: dict[str, Options] = {"ball": BallOptions(), "plain": Options()}
-    name, options = parse_spec("toy", "ball:blue,filled=true,radius=2", known)
-    assert (name, options) == ("ball", BallOptions(radius=2.0, filled=True, colour="blue"))
-    assert format_spec(name, options, known[name]) == "ball:blue,radius=2,filled=true"
-    assert parse_spec("toy", "ball:blue,radius=2,filled=true", known) == (name, options)
-    assert parse_spec("toy", "plain", known) == ("plain", Options())
-    assert format_spec("ball", BallOptions(), known["ball"]) == "ball"
+    def parsed(text: str | None) -> BallOptions:
+        spec = "ball" if text is None else f"ball:{text}"
+        options: BallOptions = parse_options("toy", spec, "ball", text, BallOptions())
+        return options
+
+    options = parsed("blue,filled=true,radius=2")
+    assert options == BallOptions(radius=2.0, filled=True, colour="blue")
+    assert format_spec("ball", options, BallOptions()) == "ball:blue,radius=2,filled=true"
+    assert parsed("blue,radius=2,filled=true") == options
+    assert parsed(None) == BallOptions() and format_spec("ball", BallOptions(), BallOptions()) == "ball"
     for text, said in (
-        ("bal", "unknown toy 'bal': did you mean 'ball'"),
-        ("ball:filled=yes", "toy 'ball:filled=yes': filled must be true or false, got 'yes'"),
-        ("ball:green", "unknown colour 'green'"),
-        ("ball:bounces=1.5", "bounces must be a whole number"),
-        ("ball:radius=-1", "radius must be a finite number, 0 or more"),
-        ("ball:red,size=1", "unknown parameter of toy 'ball' 'size'"),
+        ("filled=yes", "toy 'ball:filled=yes': filled must be true or false, got 'yes'"),
+        ("green", "unknown colour 'green'"),
+        ("bounces=1.5", "bounces must be a whole number"),
+        ("radius=-1", "radius must be a finite number, 0 or more"),
+        ("red,size=1", "unknown parameter of toy 'ball' 'size'"),
     ):
         with pytest.raises(ConfigError, match=said):
-            parse_spec("toy", text, known)
+            parsed(text)
 
 
 def test_a_message_about_a_long_text_is_short() -> None:

@@ -16,8 +16,9 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from layoutexplore.agents.rl.evaluation import EVALUATION
+from layoutexplore.agents.rl.networks.training_state import optimizer_tensors, restore_optimizer
 from layoutexplore.agents.rl.torch_policy_files import save_tensors
-from layoutexplore.errors import ResultsError, cause, checks_arguments, shortened
+from layoutexplore.errors import ResultsError, cause, checks_arguments
 from layoutexplore.files import parse_json
 from layoutexplore.files.reading import is_there
 from layoutexplore.files.schema import Flag, Items, Number, Record, Text
@@ -56,8 +57,7 @@ class Progress:
 def save_checkpoint(folder: Path, model: BaseAlgorithm, progress: Progress) -> None:
     """Write the state of a run."""
     tensors = {f"policy.{name}": tensor for name, tensor in model.policy.state_dict().items()}
-    for index, state in model.policy.optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer.{index}.{key}": torch.as_tensor(value) for key, value in state.items()}
+    tensors |= optimizer_tensors(model.policy.optimizer)
     save_tensors(folder / FILE, tensors, {"progress": json.dumps(asdict(progress))})
 
 
@@ -84,10 +84,8 @@ def load_checkpoint(folder: Path, model: BaseAlgorithm) -> Progress:
     shapes = {name: values.shape for name, values in model.policy.state_dict().items()}
     if shapes != {name: values.shape for name, values in policy.items()}:
         raise ResultsError(f"{path} does not fit this run's network, or is damaged")
-    state = _optimizer_state(tensors, model, path)
+    restore_optimizer(model.policy.optimizer, tensors, path, ResultsError)
     model.policy.load_state_dict(policy)
-    groups = model.policy.optimizer.state_dict()["param_groups"]
-    model.policy.optimizer.load_state_dict({"state": state, "param_groups": groups})
     model.num_timesteps = progress.steps
     for name, value in (("_n_updates", progress.updates), ("_n_calls", progress.calls)):
         if hasattr(model, name):
@@ -114,22 +112,3 @@ def _progress(metadata: Mapping[str, str], path: Path) -> Progress:
         return Progress(**table)
     except TypeError as error:
         raise ResultsError(f"{path} is damaged: its progress: {cause(error)}") from error
-
-
-def _optimizer_state(
-    tensors: Mapping[str, torch.Tensor], model: BaseAlgorithm, path: Path
-) -> dict[int, dict[str, torch.Tensor]]:
-    """The optimizer's tensors by parameter; each is as large as its parameter, or a single number."""
-    shapes = [p.shape for group in model.policy.optimizer.param_groups for p in group["params"]]
-    state: dict[int, dict[str, torch.Tensor]] = {}
-    for name, tensor in tensors.items():
-        if name.startswith("optimizer."):
-            index, _, key = name.removeprefix("optimizer.").partition(".")
-            number = int(index) if index.isascii() and index.isdigit() and len(index) < 9 else len(shapes)
-            if number >= len(shapes) or tensor.shape not in (shapes[number], ()):
-                raise ResultsError(f"{path} is damaged: {shortened(name)} fits none of this run's weights")
-            state.setdefault(number, {})[key] = tensor
-    keys = {frozenset(part) for part in state.values()}
-    if len(keys) > 1:
-        raise ResultsError(f"{path} is damaged: the optimizer's state lacks a part")
-    return state

@@ -5,14 +5,13 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_EXCEPTION, Executor, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_EXCEPTION, Executor, wait
+from functools import partial
 from multiprocessing.synchronize import Event
 from typing import TypeVar
 
-from layoutexplore.errors import WorkerError
-from layoutexplore.plugins.transport import OwnCode, pack_own_code
-from layoutexplore.processes import deaf_children, end_with_parent, single_threaded, usable_cores
+from layoutexplore.plugins.transport import worker_pool
+from layoutexplore.processes import usable_cores
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -21,8 +20,8 @@ Stop = Callable[[], bool]
 ASKED_EVERY = 0.1
 """Seconds between two looks whether somebody asked to stop."""
 
-_worker: list[tuple[Event, OwnCode]] = []
-"""In a worker: what tells it that its exploration is not wanted any more, and the user's own code."""
+_worker: list[Event] = []
+"""In a worker: what tells it that its exploration is not wanted any more."""
 
 
 @contextlib.contextmanager
@@ -32,10 +31,7 @@ def explorers(workers: int) -> Iterator[Executor | None]:
     if count == 1:
         yield None
         return
-    with (
-        single_threaded(),
-        ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), end_with_parent) as executor,
-    ):
+    with worker_pool(count) as executor:
         yield executor
 
 
@@ -56,36 +52,24 @@ def explore_all(
     count = min(workers or usable_cores(), len(jobs))
     if count <= 1:
         return [explore(job, stop) for job in jobs if not stop()]
-    spawn = multiprocessing.get_context("spawn")
-    unwanted = spawn.Event()
-    begin = (unwanted, pack_own_code())
-    with single_threaded(), ProcessPoolExecutor(count, spawn, _begin, begin) as pool:
+    unwanted = multiprocessing.get_context("spawn").Event()
+    with worker_pool(count, partial(_begin, unwanted)) as pool:
         try:
-            try:
-                with deaf_children():
-                    waiting = futures = [pool.submit(_explore, explore, job) for job in jobs]
-                while waiting and not stop():
-                    done, left = wait(waiting, ASKED_EVERY, FIRST_EXCEPTION)
-                    waiting = [] if any(future.exception() for future in done) else list(left)
-            finally:  # an interruption, too, must not wait until all jobs are done
-                unwanted.set()
-                pool.shutdown(cancel_futures=True)
-            return [future.result() for future in futures if not future.cancelled()]
-        except BrokenProcessPool as error:
-            raise WorkerError(
-                f"one of {count} processes that explore for an evaluation was killed (out of memory?); "
-                "fewer workers need less memory"
-            ) from error
+            waiting = futures = [pool.submit(_explore, explore, job) for job in jobs]
+            while waiting and not stop():
+                done, left = wait(waiting, ASKED_EVERY, FIRST_EXCEPTION)
+                waiting = [] if any(future.exception() for future in done) else list(left)
+        finally:  # an interruption, too, must not wait until all jobs are done
+            unwanted.set()
+            pool.shutdown(cancel_futures=True)
+        return [future.result() for future in futures if not future.cancelled()]
 
 
-def _begin(unwanted: Event, code: OwnCode) -> None:
+def _begin(unwanted: Event) -> None:
     """Make ready a worker process."""
-    end_with_parent()
-    _worker.append((unwanted, code))
+    _worker.append(unwanted)
 
 
 def _explore(explore: Callable[[Job, Stop], Result], job: Job) -> Result:
     """Do a job in a worker process."""
-    unwanted, code = _worker[-1]
-    with code.installed():
-        return explore(job, unwanted.is_set)
+    return explore(job, _worker[-1].is_set)

@@ -22,8 +22,9 @@ from layoutexplore.agents.rl.environments import check_plans
 from layoutexplore.agents.rl.evaluation import Evaluation, check_what_is_named, score
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.networks.actor_critic import Actor
+from layoutexplore.agents.rl.networks.training_state import chosen_device
 from layoutexplore.agents.rl.torch_policy_files import save_policy
-from layoutexplore.errors import ConfigError, ResultsError, checks_making
+from layoutexplore.errors import ResultsError, checks_making
 from layoutexplore.files import atomic, to_toml, write_atomically
 from layoutexplore.processes import command_line, more_time
 
@@ -87,8 +88,7 @@ class TrainingRun:
             raise ResultsError(
                 f"{folder} holds a training run: add --resume to go on with it, or give another --out"
             )
-        if device == "cuda" and not torch.cuda.is_available():
-            raise ConfigError("there is no CUDA device here: use --device cpu or auto")
+        chosen_device(device)
         check_what_is_named(config)
         check_plans(config)
         self.config, self.folder, self.watcher = config, folder, watcher

@@ -18,7 +18,6 @@ import torch
 from stable_baselines3 import DQN, PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
-from stable_baselines3.common.utils import get_device
 
 from layoutexplore.agents.rl.callback import TrainingCallback
 from layoutexplore.agents.rl.card import PolicySpec, spec_of
@@ -29,6 +28,7 @@ from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.imitation import imitate
 from layoutexplore.agents.rl.maskable_policy import FrontierPolicy
 from layoutexplore.agents.rl.networks.actor_critic import Actor
+from layoutexplore.agents.rl.networks.training_state import chosen_device
 from layoutexplore.agents.rl.ppo.algorithm import FrontierPPO
 from layoutexplore.agents.rl.run import TrainingRun, Watcher
 from layoutexplore.envs.curriculum import PlanSampler
@@ -39,21 +39,13 @@ ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"maskable-ppo": FrontierPPO, "ppo"
 
 
 class Run(TrainingRun):
-    """A run of stable-baselines3 in its folder.
-
-    Args:
-        config: What to train.
-        folder: Where; it must not hold a run yet unless this one goes on with it.
-        device: "auto", "cpu" or "cuda".
-        resume: Go on from the checkpoint of the folder.
-        watcher: Told how it goes.
+    """A run of stable-baselines3 in its folder. Arguments and errors as for `TrainingRun`.
 
     Attributes:
         progress: How far it is.
 
     Raises:
-        ResultsError: The folder holds a run already, or, to go on, no checkpoint that fits.
-        ConfigError: There is no such device.
+        ResultsError: To go on, there is no checkpoint that fits.
     """
 
     def __init__(
@@ -207,7 +199,7 @@ def build(config: TrainingConfig, envs: Any, spec: PolicySpec | None, device: st
     share = learning.get("exploration_fraction", 1.0)
     try:
         model: BaseAlgorithm = ALGORITHMS[config.algorithm](
-            env=envs, seed=config.seed, device=get_device(device), **arguments, **learning
+            env=envs, seed=config.seed, device=chosen_device(device), **arguments, **learning
         )
     except MemoryError as error:
         raise ConfigError(

@@ -15,9 +15,9 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
-from layoutexplore.benchmark.pool import AHEAD, TRIES, Answer, Handout, run_batch, single_threaded
+from layoutexplore.benchmark.pool import AHEAD, TRIES, Answer, Handout, run_batch
 from layoutexplore.errors import ConfigError, LayoutExploreError, require, unknown_name
-from layoutexplore.processes import ASKING, deaf_children, without_main
+from layoutexplore.processes import ASKING, deaf_children, single_threaded, without_main
 
 RUNS_CODE = (
     "whoever reaches a Dask or Ray cluster can run any code on its machines: keep it to a trusted network"

@@ -1,12 +1,4 @@
-"""Independent tasks on worker processes, where a worker that dies costs one task and not the run.
-
-Workers are spawned, not forked (threads and compiled kernels do not survive a fork), and keep to one thread
-each: BLAS, OpenMP and OpenCV would otherwise start as many as there are cores in every worker. A worker ends
-with the process that started it, even when that one was killed: it would wait for work for ever. Ctrl-C is
-for the process that started them: it does not reach the workers.
-
-They do not import the program's main module: it may come from stdin, or lack a guard.
-"""
+"""Independent tasks on worker processes, where a worker that dies costs one task and not the run."""
 
 from __future__ import annotations
 
@@ -15,20 +7,17 @@ import ctypes
 import mmap
 import multiprocessing
 import os
-import signal
 import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from layoutexplore.processes import deaf_children, end_with_parent, without_main
-from layoutexplore.processes import single_threaded as single_threaded
-from layoutexplore.processes import usable_cores as usable_cores
+from layoutexplore.processes.pools import start_pool, stop_pool
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -144,11 +133,7 @@ def _run_pool(
 ) -> Generator[R, None, list[T]]:
     """Run what is handed out on one pool until all is done or a worker dies; returns what was in flight."""
     flying: dict[Future[Answer[R]], list[T]] = {}
-    with single_threaded(), deaf_children(), without_main():
-        spawn = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(workers, spawn, initializer=_begin, initargs=begin)
-        for _ in range(workers):  # A process is started when something is handed out and no other idles.
-            pool.submit(int)
+    pool = start_pool(workers, begin[0], *begin[1])
     try:
         while handout or flying:
             while handout and len(flying) < ahead * workers:
@@ -165,25 +150,8 @@ def _run_pool(
     except BrokenProcessPool:
         pass
     finally:
-        _stop(pool)
+        stop_pool(pool)
     return [task for batch in flying.values() for task in batch]
-
-
-def _begin(initializer: Callable[..., None], arguments: tuple[Any, ...]) -> None:
-    """What a worker does first."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent()
-    initializer(*arguments)
-
-
-def _stop(pool: ProcessPoolExecutor) -> None:
-    """Do not wait for tasks nobody asks for any more (the user pressed Ctrl-C)."""
-    processes = list((getattr(pool, "_processes", None) or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        process.join(timeout=0.2)
-        if process.is_alive():
-            process.terminate()
 
 
 AGAIN = 1.0
@@ -191,6 +159,10 @@ AGAIN = 1.0
 
 STUCK = 30.0
 """Seconds after which a worker is ended whose task does not hear that its time is over."""
+
+
+PREPARING = 120.0
+"""Seconds more than its task that a preparation may take: kernels may have to be compiled."""
 
 
 class CellTimeoutError(BaseException):
@@ -207,7 +179,8 @@ class Limited(Generic[T, R]):
         seconds: At most so many, 0 for as long as it takes.
         megabytes: At most so much more memory than the process has at the beginning, 0 for any; then
             MemoryError is raised (Linux only).
-        prepare: Called with the task before either limit counts, if given; it must not raise.
+        prepare: Called with the task before either limit counts, if given; it must not raise. Where time is
+            limited, it ends `PREPARING` seconds after that time.
     """
 
     function: Callable[[T], R]
@@ -219,25 +192,31 @@ class Limited(Generic[T, R]):
     def __call__(self, task: T) -> R:
         """The result of a task."""
         if self.prepare:
-            self.prepare(task)
+            _in_time(self.prepare, task, _Deadline(PREPARING + self.seconds) if self.seconds else None)
         # A thread takes memory of its own: the deadline's is there before the limit is.
         deadline = _Deadline(self.seconds) if self.seconds else None
         with _memory(self.megabytes):
-            if deadline is None:
-                return self.function(task)
-            # In one frame, without a context manager in between: the error may come between any two steps.
+            found = _in_time(self.function, task, deadline)
+            return found[0] if found else self.late(task)
+
+
+def _in_time(function: Callable[[T], R], task: T, deadline: _Deadline | None) -> tuple[R] | tuple[()]:
+    """The result of a task, if it ends in time."""
+    if deadline is None:
+        return (function(task),)
+    # In one frame, without a context manager in between: the error may come between any two steps.
+    try:
+        try:
             try:
-                try:
-                    try:
-                        deadline.begin()
-                        result = self.function(task)
-                    finally:
-                        deadline.settle()
-                finally:
-                    deadline.settle()  # where the error came just before the first one began
-            except CellTimeoutError:
-                return self.late(task)
-            return self.late(task) if deadline.late else result
+                deadline.begin()
+                result = function(task)
+            finally:
+                deadline.settle()
+        finally:
+            deadline.settle()  # where the error came just before the first one began
+    except CellTimeoutError:
+        return ()
+    return () if deadline.late else (result,)
 
 
 class _Deadline:

@@ -195,7 +195,8 @@ def _fill(
         watcher.say(f"{len(tasks) - len(missing)} of {len(tasks)} runs are already in {folder.path}")
     if missing:
         watcher.say("compiling and loading the kernels (slow only the first time)")
-        warm_up(config, code, apart=_apart(config, jobs, cluster))
+        apart = _apart(config, jobs, cluster) or config.cell_seconds > 0
+        warm_up(config, code, apart=apart, say=watcher.say)
         if ":" in cluster:
             watcher.say(RUNS_CODE)
         at_a_time = f", {jobs} at a time" if jobs > 1 else ""
@@ -226,19 +227,23 @@ _UNASKED = (
 )
 
 
-def warm_up(config: BenchmarkConfig, code: OwnCode = NO_CODE, *, apart: bool = False) -> None:
+def warm_up(config: BenchmarkConfig, code: OwnCode, *, apart: bool, say: Callable[[str], None]) -> None:
     """A few decisions of every agent and sensor on a tiny plan: kernels are compiled, or loaded.
 
     Args:
         config: Of the benchmark.
         code: Of the user's own.
-        apart: Leave own code to other processes, which it may end.
+        apart: Leave own code to its runs, which have limits, and to other processes, which it may end.
+        say: Told of each agent of own code before it decides: one that never does is known by its name.
     """
     with code.installed():
-        agents = [agent for agent in config.agents if not (apart and has_own_code(agent))]
+        own = [agent for agent in config.agents if has_own_code(agent)]
     for sensor in config.sensors:
-        for agent in agents:
-            _warm_up(config, code, sensor, agent)
+        for agent in config.agents:
+            if agent in own and not apart:
+                say(f"first decisions of {agent} on a tiny floor")
+            if not (agent in own and apart):
+                _warm_up(config, code, sensor, agent)
 
 
 _warm: set[tuple[str, str]] = set()

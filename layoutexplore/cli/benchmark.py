@@ -217,10 +217,9 @@ def run_with_progress(
     Where other calls share the folder (`shared`), this one adds to it, and the rows are those that it asked
     for.
     """
-    from layoutexplore.benchmark.pool import usable_cores
     from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
     from layoutexplore.cli.progress import ProgressLine
-    from layoutexplore.processes import asked_to_stop, command_line
+    from layoutexplore.processes import asked_to_stop, command_line, usable_cores
 
     try:
         with ProgressLine(console, "runs") as line:

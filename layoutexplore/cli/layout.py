@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,7 +17,6 @@ from layoutexplore.cli.map_import import (
     ScaleBy,
     UnknownGreyOption,
 )
-from layoutexplore.processes import end_with_parent
 
 if TYPE_CHECKING:
     from layoutexplore.importing.pictures import PictureConfig
@@ -66,6 +63,7 @@ def layout(
     from layoutexplore.layout.pipeline import layout_method
     from layoutexplore.maps.library import source_files
     from layoutexplore.options import JOBS
+    from layoutexplore.plugins.transport import worker_pool
 
     layout_method(method)
     config = picture_config(
@@ -86,7 +84,7 @@ def layout(
     if jobs == 1:
         failed = [_say(_attempt(item), as_json) for item in work]
     else:
-        with ProcessPoolExecutor(jobs, get_context("spawn"), end_with_parent) as pool:
+        with worker_pool(jobs) as pool:
             failed = [_say(summary, as_json) for summary in pool.map(_attempt, work)]
     if any(failed):
         raise typer.Exit(2)

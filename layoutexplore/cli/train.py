@@ -90,7 +90,7 @@ def train(
     """Train a policy."""
     from layoutexplore.agents.rl.hyperparameters import read_config
     from layoutexplore.cli.progress import ProgressLine, plain_console
-    from layoutexplore.errors import ConfigError, require, shortened
+    from layoutexplore.errors import require
     from layoutexplore.files import check_places
 
     if curve:
@@ -106,8 +106,6 @@ def train(
         "sensors": sensor or None,
         "plans": plans or None,
     }
-    if device not in ("auto", "cpu", "cuda"):
-        raise ConfigError(f"--device must be auto, cpu or cuda, got {shortened(device)}")
     if resume:
         config = _kept_config(out, config, flags)
     settings = read_config(config, flags)

@@ -24,6 +24,7 @@ from layoutexplore.closed_doors.symmetry import best_mirror
 from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Mask, shows_shapes
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
+from layoutexplore.grids.morphology import with_neighbours
 
 LEAST_DOOR = 0.25
 """Edges less likely to be doors are walls."""
@@ -99,7 +100,7 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
         walls = without_doors(cells, grid.resolution, doors)
         rooms &= room_space(walls, wall_thickness(cells, grid.resolution))
         rooms = (rooms | doorways) & (cells == UNKNOWN)
-    rim = cv2.dilate(rooms.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    rim = with_neighbours(rooms)
     drawn = np.where(rooms, FREE, np.where(rim & (cells == UNKNOWN), OCCUPIED, grid.cells)).astype(np.int8)
     return ClosedRooms(
         OccupancyGrid(drawn, grid.resolution, grid.origin),

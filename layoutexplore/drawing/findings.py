@@ -33,9 +33,7 @@ _FIXED = 16
 
 
 @checks_arguments
-def draw_findings(
-    plan: FloorPlan, findings: Sequence[Finding] = (), *, resolution: float | None = None
-) -> Image:
+def draw_findings(plan: FloorPlan, findings: Sequence[Finding] = ()) -> Image:
     """The plan as `draw_sheet` draws it, and a number at every finding's place.
 
     A number whose place is taken stands beside it, with a thin line to a dot there, or to the number of the
@@ -44,12 +42,11 @@ def draw_findings(
     Args:
         plan: What to draw.
         findings: Numbered from 1 in their order.
-        resolution: Metres a cell; what suits the plan's size when None.
 
     Returns:
         uint8 (height, width, 3) RGB, the highest y at the top.
     """
-    sheet = draw_sheet(plan, resolution)
+    sheet = draw_sheet(plan)
     places = [sheet.pixel((finding.x, finding.y)) for finding in findings]
     centres = circle_places(
         places, sheet.doors + sheet.numbers, (sheet.image.shape[1], sheet.image.shape[0] - CAPTION)

@@ -144,10 +144,10 @@ def draw_state(
     return frame
 
 
-def _suitable_size(shape: tuple[int, int], width: int = 960) -> tuple[int, int]:
+def _suitable_size(shape: tuple[int, int]) -> tuple[int, int]:
     """Width and height in even pixels (films need them even) for a map of (rows, cols)."""
-    high = round(width * shape[0] / shape[1] / 0.87 / 2) * 2
-    return width, min(max(high, 480), 1080)
+    high = round(960 * shape[0] / shape[1] / 0.87 / 2) * 2
+    return 960, min(max(high, 480), 1080)
 
 
 @dataclass(frozen=True)
@@ -284,10 +284,10 @@ def _draw_sight(image: Image, view: _View, simulation: Simulation) -> None:
     cv2.addWeighted(tint, 0.22, image, 0.78, 0.0, dst=image)
 
 
-def _draw_track(image: Image, view: _View, track: Floats, pieces: int = 24) -> None:
+def _draw_track(image: Image, view: _View, track: Floats) -> None:
     """The path travelled, from pale to strong."""
     points = view.fixed(track[:, :2]).reshape(-1, 1, 2)
-    borders = np.unique(np.linspace(0, len(points) - 1, pieces + 1).astype(int))
+    borders = np.unique(np.linspace(0, len(points) - 1, 25).astype(int))
     for first, last in itertools.pairwise(borders.tolist()):
         colour = palette.mix(palette.TRACK_OLD, palette.TRACK_NEW, last / (len(points) - 1))
         cv2.polylines(image, [points[first : last + 1]], False, colour, 2, cv2.LINE_AA, _SHIFT)

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +26,7 @@ from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.closed_door_maps import FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY, Triple, read_cells
 from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_interquartile_mean, weighted_mean
 from layoutexplore.options import JOBS
-from layoutexplore.processes import end_with_parent
+from layoutexplore.plugins.transport import worker_pool
 
 if TYPE_CHECKING:
     from layoutexplore.closed_doors.models import Models
@@ -131,7 +129,7 @@ def evaluate(
     if jobs <= 1:
         yield from (evaluate_triple(triple, resolution, out) for triple in triples)
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=end_with_parent) as pool:
+    with worker_pool(jobs) as pool:
         yield from pool.map(evaluate_triple, triples, [resolution] * len(triples), [out] * len(triples))
 
 

@@ -22,7 +22,7 @@ from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import load_plan
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 from layoutexplore.predictors.learned import LearnedPredictor
-from layoutexplore.priors.confidence import FEATURES, ConfidenceModel, features_of, shipped_model
+from layoutexplore.priors.confidence import FEATURES, features_of, shipped_model
 from layoutexplore.priors.presets import StudyPrior, study_prior
 from layoutexplore.priors.registration import Registration
 from layoutexplore.simulation.config import SimulationConfig
@@ -219,12 +219,12 @@ def rows_until(rows: Sequence[RegistrationRow], share: float) -> list[Registrati
 
 
 @checks_arguments
-def confidences(rows: Sequence[RegistrationRow], model: ConfidenceModel | None = None) -> Floats:
+def confidences(rows: Sequence[RegistrationRow]) -> Floats:
     """The confidence of each row, float64 (n,); 0 without a hypothesis."""
-    model, found = model or shipped_model(), np.zeros(len(rows))
+    found = np.zeros(len(rows))
     some = [k for k, row in enumerate(rows) if row.features]
     if some:
-        found[some] = model.probability(np.array([rows[k].features for k in some]))
+        found[some] = shipped_model().probability(np.array([rows[k].features for k in some]))
     return found
 
 

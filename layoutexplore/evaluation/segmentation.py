@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -25,7 +24,7 @@ from layoutexplore.maps.painted_rooms import Case, check_bright, read_case
 from layoutexplore.metrics.segmentation import MEASURES, score_segmentation
 from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_mean
 from layoutexplore.options import JOBS
-from layoutexplore.processes import end_with_parent
+from layoutexplore.plugins.transport import worker_pool
 
 COLUMNS = (*MEASURES, "segments", "rooms", "ms")
 
@@ -119,9 +118,7 @@ def evaluate_cases(
         for item in work:
             yield _work(item)
         return
-    with ProcessPoolExecutor(
-        jobs, mp_context=get_context("spawn"), initializer=_begin_worker, initargs=(tuple(methods),)
-    ) as pool:
+    with worker_pool(jobs, partial(_warm_up, tuple(methods))) as pool:
         yield from pool.map(_work, work)
 
 
@@ -129,11 +126,6 @@ def _work(item: tuple[Case, str, str, float]) -> tuple[Case, MapScore, Ints32]:
     case, method, protocol, resolution = item
     row, layout = score_case(case, method, protocol=protocol, resolution=resolution)
     return case, row, layout.labels
-
-
-def _begin_worker(methods: Sequence[str]) -> None:
-    end_with_parent()
-    _warm_up(methods)
 
 
 def _warm_up(methods: Sequence[str]) -> None:

@@ -50,20 +50,13 @@ def parse_json(text: str, where: str, schema: Schema | None = None, *, error: Ki
 
 
 @checks_arguments
-def read_toml(
-    path: Path,
-    schema: Schema | None = None,
-    *,
-    error: Kind = ConfigError,
-    what: str = "configuration",
-    limit: str = "settings_mb",
-) -> dict[str, Any]:
+def read_toml(path: Path, schema: Schema | None = None, *, limit: str = "settings_mb") -> dict[str, Any]:
     """The tables of a TOML file, of a size that `limit` names.
 
     Raises:
-        LayoutExploreError: Of the kind `error`: it cannot be read, is not valid TOML, or does not fit.
+        ConfigError: It cannot be read, is not valid TOML, or does not fit.
     """
-    return parse_toml(read_text(path, error, what, limit=limit), str(path), schema, error=error)
+    return parse_toml(read_text(path, ConfigError, "configuration", limit=limit), str(path), schema)
 
 
 @checks_arguments
@@ -82,33 +75,33 @@ def parse_toml(
 
 
 @checks_arguments
-def read_yaml(path: Path, schema: Schema | None = None, *, error: Kind = MapError, what: str = "map") -> Any:
+def read_yaml(path: Path, *, what: str = "map") -> Any:
     """What a YAML file holds; one with aliases is refused.
 
     Raises:
-        LayoutExploreError: Of the kind `error`: it cannot be read, is no YAML, or does not fit.
+        MapError: It cannot be read, or is no YAML.
     """
     import yaml
 
-    text, where = read_text(path, error, what, limit="settings_mb"), str(path)
+    text, where = read_text(path, MapError, what, limit="settings_mb"), str(path)
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
         depth, nodes, deepest = 0, 0, limits().depth
         for event in yaml.parse(text, Loader=loader):
             if isinstance(event, yaml.AliasEvent):
-                raise error(f"{where}: the alias *{shortened(event.anchor)} is not read: write it out")
+                raise MapError(f"{where}: the alias *{shortened(event.anchor)} is not read: write it out")
             nodes += isinstance(event, yaml.NodeEvent)
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
             if depth > deepest:
-                _check_depth(depth, where, error)
-        _check_count(nodes, where, error)
+                _check_depth(depth, where, MapError)
+        _check_count(nodes, where, MapError)
         data = yaml.load(text, Loader=loader)  # a safe loader: it makes nothing but plain values
-    except error:
+    except MapError:
         raise
     except Exception as problem:
-        raise error(f"{where}: broken YAML: {_reason(problem)}") from problem
-    return _checked(data, where, schema, error)
+        raise MapError(f"{where}: broken YAML: {_reason(problem)}") from problem
+    return _checked(data, where, None, MapError)
 
 
 def _reason(problem: Exception) -> str:

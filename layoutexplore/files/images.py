@@ -24,13 +24,13 @@ _FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 Levels = NDArray[np.uint8] | NDArray[np.uint16]
 
 
-def read_pixels(path: Path, *, error: Kind = MapError) -> NDArray[np.uint8]:
+def read_pixels(path: Path) -> NDArray[np.uint8]:
     """The pixels uint8 (h, w) or (h, w, channels) of an image file; of 16 bits the upper eight.
 
     Raises:
         LayoutExploreError: As `read_levels` does.
     """
-    pixels = read_levels(path, error=error)
+    pixels = read_levels(path)
     return (pixels // 257 if pixels.dtype == np.uint16 else pixels).astype(np.uint8, copy=False)
 
 

@@ -77,15 +77,17 @@ def check_places(
     Args:
         out: What `--out` names.
         json_file: What the option `file` names.
-        file: An option.
+        file: An option; what `--json` names ends with .json.
         folders: More folders by their options: `store` is what `--store` names.
 
     Raises:
-        ConfigError: There is a file where a folder is to be, a folder where the file is to be, a new folder
-            would be named like a file, or there is no permission.
+        ConfigError: There is a file where a folder is to be, a folder where the file is to be, the file has
+            another suffix, a new folder would be named like a file, or there is no permission.
     """
     if json_file is not None and is_there(json_file) and json_file.is_dir():
         raise ConfigError(f"{json_file} is a folder: {file} must name a file")
+    if json_file is not None and file == "--json":
+        check_file(json_file, suffixes=(".json",), option=file)
     places = {"--out": out, file: None if json_file is None else json_file.parent}
     for option, folder in (places | {f"--{name}": place for name, place in folders.items()}).items():
         if folder is None:

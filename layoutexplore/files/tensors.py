@@ -62,9 +62,9 @@ def read_tensors(
     return tensors, metadata
 
 
-def read_metadata(path: Path, *, error: Kind = ResultsError, what: str = "file of weights") -> dict[str, str]:
+def read_metadata(path: Path, *, what: str = "file of weights") -> dict[str, str]:
     """The texts in the header of a safetensors file that is whole; see `read_tensors`."""
-    return _metadata(read_bytes(path, error, what), path, error, what)
+    return _metadata(read_bytes(path, ResultsError, what), path, ResultsError, what)
 
 
 def _metadata(data: bytes, path: Path, error: Kind, what: str) -> dict[str, str]:

@@ -82,6 +82,16 @@ def dilate_by_disc(mask: Mask, radius: float) -> Mask:
     return np.asarray(distance < math.sqrt(math.floor(radius * radius) + 0.5), np.bool_)
 
 
+def with_neighbours(mask: Mask) -> Mask:
+    """The cells of a mask bool (rows, cols), and those that touch one at an edge or a corner.
+
+    Example:
+        >>> with_neighbours(np.array([[False, False, False, True]])).tolist()
+        [[False, False, True, True]]
+    """
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+
+
 @lru_cache(maxsize=32)
 def disc(radius: float, *, closed: bool = False) -> Bytes:
     """The cells within a radius of a middle one, centre to centre, as uint8 (n, n) of 0 and 1.

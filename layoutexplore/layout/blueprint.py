@@ -21,6 +21,7 @@ from layoutexplore.errors import ConfigError, MapError, MissingExtraError, check
 from layoutexplore.files.images import read_pixels
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.grids.outside import find_outside
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION
 from layoutexplore.layout.limits import cells_at_most
@@ -253,7 +254,7 @@ def _tinted_boxes(image: Bytes, ink: Mask, resolution: float, config: BlueprintC
         <= config.symbol_size
     )
     low[0] = False
-    return np.asarray(cv2.dilate(low[part].astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+    return with_neighbours(low[part])
 
 
 def _bridge(walls: Mask, boxes: Mask, length: int) -> Mask:

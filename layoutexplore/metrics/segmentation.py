@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.errors import ConfigError, MapError, checks_arguments, shortened
+from layoutexplore.metrics.overlaps import shared_cells
 
 PROTOCOLS: dict[str, int] = {"rose2": 0, "bormann": 100}
 """Segments and rooms of at most so many cells are dropped, by protocol."""
@@ -110,9 +111,7 @@ def overlap_table(
     for name, ids in (("segments", predicted), ("rooms", truth)):
         if ids.min(initial=0) < 0:
             raise MapError(f"ids of {name} are 0 for none and above, got {ids.min()}")
-    s, g = _bounded(predicted), _bounded(truth)
-    rows, cols = int(s.max(initial=0)) + 1, int(g.max(initial=0)) + 1
-    table = np.bincount(s * cols + g, minlength=rows * cols).reshape(rows, cols)
+    table = shared_cells(_bounded(predicted), _bounded(truth))
     segment_sizes, room_sizes = table.sum(1)[1:], table.sum(0)[1:]
     keep_s, keep_g = segment_sizes > min_cells, room_sizes > min_cells
     return table[1:, 1:][keep_s][:, keep_g], segment_sizes[keep_s], room_sizes[keep_g]

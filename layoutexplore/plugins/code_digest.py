@@ -27,7 +27,7 @@ from typing import Any
 from layoutexplore.plugins.own_files import (
     contents,
     digest_of_files,
-    files_named,
+    files_imported,
     files_of,
     home_of,
     own_file,
@@ -292,21 +292,4 @@ def _imported_late(function: FunctionType) -> dict[Path, bytes]:
     package = function.__globals__.get("__package__") or ""
     here = Path(program).resolve().parent if isinstance(program, str) else Path.cwd()
     top = here.parents[package.count(".")] if package else here
-    files: list[Path] = []
-    for name, names, level in _imports(function.__code__):
-        base = (here, *here.parents)[level - 1] if level else top
-        for last in ("", *names):
-            parts = [*name.split("."), *filter(None, [last])]
-            files += files_named(parts, [base], top)
-    return with_imports(contents(files), top)
-
-
-def _imports(code: CodeType) -> Iterator[tuple[str, tuple[str, ...], int]]:
-    """By import within a function: the module, what is taken from it, how far up it begins."""
-    steps = [step for step in dis.get_instructions(code) if step.opname != "EXTENDED_ARG"]
-    for level, names, step in zip(steps, steps[1:], steps[2:], strict=False):
-        if step.opname == "IMPORT_NAME" and step.argval.partition(".")[0] != "layoutexplore":
-            yield step.argval, names.argval or (), level.argval
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _imports(constant)
+    return with_imports(contents(files_imported(function.__code__, here, [top], top)), top)

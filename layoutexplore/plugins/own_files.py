@@ -5,13 +5,14 @@ Files have the names by which they are imported: one that is a link counts by wh
 
 from __future__ import annotations
 
-import ast
 import contextlib
+import dis
 import hashlib
 import sys
+import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
 from typing import Any
 
 
@@ -72,23 +73,41 @@ def contents(paths: Iterable[Path]) -> dict[Path, bytes]:
 def _imported(here: Path, source: bytes, folder: Path) -> Iterator[Path]:
     """The files within a folder that a file's source imports anywhere; of what is no Python, none."""
     try:
-        nodes = list(ast.walk(ast.parse(source)))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            code = compile(source, here, "exec", dont_inherit=True)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         return
-    for node in nodes:
-        if isinstance(node, ast.Import):
-            names = [name.name.split(".") for name in node.names]
-        elif isinstance(node, ast.ImportFrom):  # each name may be a module, too
-            names = [[*(node.module or "").split("."), name.name] for name in node.names]
-        else:
+    yield from files_imported(code, here.parent, {folder, here.parent}, folder)
+
+
+def files_imported(code: CodeType, here: Path, bases: Iterable[Path], folder: Path) -> Iterator[Path]:
+    """The files within a folder that code, or a function in it, imports.
+
+    Args:
+        code: As Python runs it.
+        here: The folder of its file, from which relative imports count.
+        bases: The folders where others begin.
+        folder: What lies elsewhere is passed over.
+    """
+    for name, names, level in _imports(code):
+        begin = (here, *here.parents)[level - 1 : level] if level else bases
+        for last in ("", *names):  # each name may be a module, too
+            parts = [*name.split("."), *filter(None, [last])]
+            yield from files_named(parts, begin, folder)
+
+
+def _imports(code: CodeType) -> Iterator[tuple[str, tuple[str, ...], int]]:
+    """By import in code: the module, what is taken from it, how far up it begins."""
+    steps = [step for step in dis.get_instructions(code) if step.opname != "EXTENDED_ARG"]
+    for level, names, step in zip(steps, steps[1:], steps[2:], strict=False):
+        if step.opname != "IMPORT_NAME":
             continue
-        if isinstance(node, ast.ImportFrom) and node.level:
-            bases = set(here.parents[node.level - 1 : node.level])
-        else:
-            bases = {folder, here.parent}
-            names = [parts for parts in names if parts[0] != "layoutexplore"]
-        for parts in names:
-            yield from files_named(parts, bases, folder)
+        if level.argval or step.argval.partition(".")[0] != "layoutexplore":
+            yield step.argval, names.argval or (), level.argval
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _imports(constant)
 
 
 def files_named(parts: list[str], bases: Iterable[Path], folder: Path) -> Iterator[Path]:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import importlib
 import pickle
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 
-from layoutexplore.errors import OwnCodeError
+from layoutexplore.errors import OwnCodeError, WorkerError
 from layoutexplore.plugins.own_code import Pin, pinned, pins
 from layoutexplore.plugins.registry import Entry, Registry
+from layoutexplore.processes.pools import start_pool, stop_pool
 
 Travelling = tuple[str, str, Entry[object]]
 """The module and the kind of a registry, and an entry of it."""
@@ -61,6 +65,42 @@ def pack_own_code(*, registered: bool = True) -> OwnCode:
     registries = Registry.by_kind.items() if registered else ()
     entries = [(r.module, kind, _bare(entry)) for kind, r in registries for entry in r.own()]
     return OwnCode(pins(), _pickled(entries) if entries else b"")
+
+
+@contextlib.contextmanager
+def worker_pool(workers: int, begin: Callable[[], object] = int) -> Iterator[ProcessPoolExecutor]:
+    """Worker processes that know the user's own code; they end with the block, whatever they are doing.
+
+    What is handed out must not be defined in the program's main module, which they do not import.
+
+    Args:
+        workers: Processes, of one thread each.
+        begin: What each of them does first.
+
+    Raises:
+        OwnCodeError: Something registered cannot travel.
+        WorkerError: A process died.
+    """
+    try:
+        pool = start_pool(workers, _install, pack_own_code(), begin)
+        try:
+            yield pool
+        finally:
+            stop_pool(pool)
+    except BrokenProcessPool as error:
+        raise WorkerError(
+            f"one of {workers} worker processes was killed (out of memory?); fewer of them need less memory"
+        ) from error
+
+
+_installed = contextlib.ExitStack()
+"""In a worker: the user's own code, for as long as it lives."""
+
+
+def _install(code: OwnCode, begin: Callable[[], object]) -> None:
+    _installed.enter_context(code.installed())
+    atexit.register(_installed.close)  # later there are no modules any more that it could leave as they were
+    begin()
 
 
 def _pickled(entries: list[Travelling]) -> bytes:

@@ -20,6 +20,7 @@ from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Cells, Ints32
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
+from layoutexplore.metrics.overlaps import most_shared
 from layoutexplore.options import SHARE, check_kind, split_pairs
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_classes
@@ -232,14 +233,12 @@ def owners_of(ids: Ints32, foreseen: Foresight, cells: Cells, *, alone: bool = F
     """
     top, rooms = int(ids.max(initial=0)) + 1, int(foreseen.room_ids.max(initial=0)) + 1
     both = (cells == FREE) & (ids > 0) & (foreseen.room_ids > 0)
-    pairs = foreseen.room_ids[both].astype(np.int64) * top + ids[both]
-    counts = np.bincount(pairs, minlength=rooms * top).reshape(rooms, top)
-    owner, seen = counts.argmax(axis=1), counts.max(axis=1)
+    best, seen = most_shared(foreseen.room_ids[both], ids[both], count=rooms)
     owned = seen > 0
     if alone:
-        rising = np.lexsort((seen, owner))
-        owned[rising[:-1]] &= np.diff(owner[rising]) > 0
-    owner = np.where(owned, owner, top + np.arange(rooms)).astype(np.int32)
+        rising = np.lexsort((seen, best))
+        owned[rising[:-1]] &= np.diff(best[rising]) > 0
+    owner = np.where(owned, best, top + np.arange(rooms)).astype(np.int32)
     owner[0] = 0
     return owner
 

@@ -22,6 +22,7 @@ from layoutexplore.grids.arrays import Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.pipeline import LayoutCache, layout_method
 from layoutexplore.layout.types import Layout
+from layoutexplore.metrics.overlaps import most_shared
 from layoutexplore.options import format_value, read_value, split_pairs
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, classes_in, with_classes
 from layoutexplore.predictors.room_completion import complete_within
@@ -174,11 +175,8 @@ def _by_owner(reach: Ints32, at_border: Mask, seen: Ints32) -> tuple[Ints32, Mas
     A room of the lines of which no cell is seen is in none.
     """
     both = (reach > 0) & (seen > 0)
-    rooms = int(seen.max(initial=0)) + 1
-    pairs = reach[both].astype(np.int64) * rooms + seen[both]
-    counts = np.bincount(pairs, minlength=len(at_border) * rooms).reshape(-1, rooms)
-    owner = np.where(counts.any(axis=1), counts.argmax(axis=1), 0).astype(np.int32)
-    at_border_of_seen = np.zeros(rooms, np.bool_)
+    owner = most_shared(reach[both], seen[both], count=len(at_border))[0].astype(np.int32)
+    at_border_of_seen = np.zeros(int(seen.max(initial=0)) + 1, np.bool_)
     at_border_of_seen[owner[at_border]] = True
     at_border_of_seen[0] = False
     return owner[reach], at_border_of_seen

@@ -17,6 +17,7 @@ from layoutexplore.errors import checks_calls
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.layout.doorways import Regions, doorway_regions
 from layoutexplore.predictors.bit_map import draw_bit_map, extended_walls
 from layoutexplore.predictors.protocol import RoomLabels, with_rooms
@@ -96,7 +97,7 @@ def parallel_outline(points: Ints32, angle: float) -> Floats:
 def draw_shapes(cells: Cells, resolution: float, regions: Regions, outline: Outline) -> dict[int, Shape]:
     """The shape of every region that borders the unknown."""
     angle, boxes = main_angle(cells, resolution), regions.boxes
-    beside = cv2.dilate((cells == UNKNOWN).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    beside = with_neighbours(cells == UNKNOWN)
     partial = np.unique(regions.labels[beside & (regions.labels > 0)])
     return {int(region): _draw(regions, boxes, int(region), outline, angle) for region in partial}
 

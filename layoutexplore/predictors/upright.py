@@ -23,6 +23,7 @@ from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints32, Mask
 from layoutexplore.grids.flood import grow_labels
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.layout.alignment import Turned, places, turn, turn_back, turned_places
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid
 
@@ -154,7 +155,7 @@ def wall_angle(cells: Cells, resolution: float, held: float = 0.0) -> float:
 
 def outlined(free: Mask) -> Cells:
     """A map int8 (rows, cols) of free space bool (rows, cols), with walls a cell thick around it."""
-    around = cv2.dilate(free.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    around = with_neighbours(free)
     return np.where(free, FREE, np.where(around, OCCUPIED, UNKNOWN)).astype(np.int8)
 
 

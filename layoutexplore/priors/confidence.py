@@ -89,12 +89,12 @@ def shipped_model() -> ConfidenceModel:
     return model_of_table(read_json(WEIGHTS, _SCHEMA))
 
 
-def confidence(registration: Registration, model: ConfidenceModel | None = None) -> float:
+def confidence(registration: Registration) -> float:
     """Probability 0..1 that the best hypothesis is right; 0 without any."""
     if not registration.hypotheses:
         return 0.0
     features = features_of(registration)[None]
-    return float((model or shipped_model()).probability(features)[0])
+    return float(shipped_model().probability(features)[0])
 
 
 def features_of(registration: Registration) -> Floats:

@@ -72,7 +72,6 @@ def draw_evacuation_plan(
     rng: np.random.Generator,
     *,
     style: PictureStyle | None = None,
-    here: tuple[float, float] | None = None,
 ) -> Bytes:
     """The picture, uint8 (h, w, 3) RGB, row 0 at the top.
 
@@ -82,8 +81,6 @@ def draw_evacuation_plan(
         resolution: Metres a cell.
         rng: For places of signs.
         style: How it is drawn.
-        here: Where "you are here" stands, (x, y) in metres from the lower left corner; in the largest room
-            when None.
 
     Raises:
         MapError: Floor and rooms are no equal rasters, the resolution is unusable, or the picture would
@@ -112,11 +109,7 @@ def draw_evacuation_plan(
     if style.numbers:
         ink.numbers()
     ink.signs(rng)
-    if here is None:
-        centre = ink.centre(int(largest[0])) if len(largest) else (width // 2, height // 2)
-    else:
-        centre = round(here[0] * style.pixels_per_metre), height - 1 - round(here[1] * style.pixels_per_metre)
-    ink.you_are_here(centre)
+    ink.you_are_here(ink.centre(int(largest[0])) if len(largest) else (width // 2, height // 2))
     return ink.with_legend() if style.legend else ink.image
 
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from layoutexplore.grids.arrays import Floats32, Ints32, Mask
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.priors.evidence import wall_direction
 from layoutexplore.priors.plan import PriorPlan
 
@@ -43,7 +44,7 @@ class PlanFields:
     @cached_property
     def to_walls(self) -> Floats32:
         """float32 (rows, cols): metres to the nearest face of a wall."""
-        faces = ~self.free & (cv2.dilate(self.free.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+        faces = ~self.free & with_neighbours(self.free)
         distance = cv2.distanceTransform((~faces).astype(np.uint8), cv2.DIST_L2, 5)
         return np.asarray(distance * self.cell, np.float32)
 

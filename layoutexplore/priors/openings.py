@@ -7,12 +7,14 @@ through is open, whatever is drawn behind it.
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask
-from layoutexplore.grids.boxes import known_box
+from layoutexplore.grids.boxes import grown_box, known_box, true_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.morphology import disc, draw_way, nearest_cells
 
@@ -52,15 +54,21 @@ def with_ways_in(foreseen: Cells, known: Cells, resolution: float) -> Cells:
     if cells.size:
         _open_seen_gaps(cells, seen, resolution)
         for _ in range(ROUNDS):
-            if not _open_rooms(cells, seen, resolution):
+            if not open_rooms(cells, seen, resolution):
                 break
     found = foreseen.copy()
     found[box] = cells
     return found
 
 
-def _open_rooms(cells: Cells, known: Cells, resolution: float) -> bool:
-    """Open a way into each part that is cut off from where the robot has been; whether any was."""
+def open_rooms(cells: Cells, known: Cells, resolution: float) -> bool:
+    """Open a way into each part that is cut off from where the robot has been; whether any was.
+
+    Args:
+        cells: int8 (rows, cols), what is foreseen; the ways become free.
+        known: int8 (rows, cols), what the robot knows.
+        resolution: Metres a cell.
+    """
     unseen = known == UNKNOWN
     free = np.where(unseen, cells, known) == FREE
     passable = cv2.erode(
@@ -75,29 +83,47 @@ def _open_rooms(cells: Cells, known: Cells, resolution: float) -> bool:
     main = int(visited.argmax())
     if not main:
         return False
-    closed = [k for k in range(1, count) if k != main and hidden[k] >= LEAST_HIDDEN]
-    if not closed:
+    closed = hidden >= LEAST_HIDDEN
+    closed[[0, main]] = False
+    if not closed.any():
         return False
-    distance, nearest = nearest_cells(parts == main)
+    near, ends, gaps = _across(closed[parts], parts == main, THROUGH / resolution)
     walls = cv2.dilate((known == OCCUPIED).astype(np.uint8), disc(PASSAGE / resolution)) > 0
-    opened = False
-    reach = THROUGH / resolution
-    for part in closed:
-        near = np.argwhere((parts == part) & (distance <= reach)).astype(np.int32)
-        ends = nearest[near[:, 0], near[:, 1]]
-        good = _unseen_way(near, ends, walls)
-        if not good.any():
-            continue
-        near, ends = near[good], ends[good]
-        best = _chosen(near, ends, distance, known)
+    good = _unseen_way(near, ends, walls)
+    near, ends, gaps = near[good], ends[good], gaps[good]
+    owner = parts[near[:, 0], near[:, 1]]
+    for part in np.unique(owner).tolist():
+        ways = np.flatnonzero(owner == part)
+        best = ways[_chosen(near[ways], ends[ways], gaps[ways], known)]
         draw_way(cells.view(np.uint8), near[best], ends[best], DOOR / resolution, FREE)
-        opened = True
-    return opened
+    return len(near) > 0
 
 
-def _chosen(near: Ints32, ends: Ints32, distance: Floats32, known: Cells) -> int:
+def _across(closed: Mask, main: Mask, reach: float) -> tuple[Ints32, Ints32, Floats32]:
+    """Closed cells within reach of the main part, its cell nearest to each, and how far apart they are.
+
+    Args:
+        closed: bool (rows, cols), at least one.
+        main: bool (rows, cols).
+        reach: In cells.
+
+    Returns:
+        int32 (n, 2), in raster order; int32 (n, 2); float32 (n,), in cells.
+    """
+    # What decides lies around closed parts: there, distances are as they are all over the grid.
+    row0, row1, col0, col1 = grown_box(true_box(closed), math.ceil(reach) + 2, closed.shape)
+    closed, main = closed[row0:row1, col0:col1], main[row0:row1, col0:col1]
+    if not main.any():
+        return np.zeros((0, 2), np.int32), np.zeros((0, 2), np.int32), np.zeros(0, np.float32)
+    distance, nearest = nearest_cells(main)
+    near = np.argwhere(closed & (distance <= reach)).astype(np.int32)
+    corner = np.array([row0, col0], np.int32)
+    rows, cols = near.T
+    return near + corner, nearest[rows, cols] + corner, distance[rows, cols]
+
+
+def _chosen(near: Ints32, ends: Ints32, gaps: Floats32, known: Cells) -> int:
     """The middle of the places where the wall is thin; those where the robot sees no wall come first."""
-    gaps = distance[near[:, 0], near[:, 1]]
     at_floor = known[ends[:, 0], ends[:, 1]] == FREE
     choice = np.flatnonzero(at_floor) if at_floor.any() else np.arange(len(near))
     choice = choice[gaps[choice] <= gaps[choice].min() + 3]

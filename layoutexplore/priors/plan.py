@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from layoutexplore.errors import ConfigError, MapError, checks_arguments, checks_calls
+from layoutexplore.errors import MapError, checks_arguments, checks_calls
 from layoutexplore.grids.arrays import Floats, Ints32, Mask, shows_shapes
 from layoutexplore.grids.morphology import draw_way, nearest_cells
 from layoutexplore.maps.floorplan import FloorPlan, Room
@@ -321,10 +321,3 @@ def _why_unused(prior: PriorPlan) -> str:
     if max(prior.size) > LONGEST:
         return f"it is {max(prior.size):.2g} m long, and no building is: check its unit, or tell its scale"
     return ""
-
-
-@checks_arguments
-def check_usable(prior: PriorPlan) -> None:
-    """Raise `ConfigError` where a plan is of no use, and say why."""
-    if prior.unused:
-        raise ConfigError(f"prior plan {prior.name} is not used, because {prior.unused}")

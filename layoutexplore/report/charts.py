@@ -12,10 +12,16 @@ from layoutexplore.drawing import palette
 from layoutexplore.drawing.labels import label_places
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import Interval
-from layoutexplore.report.plots import agent_look
+from layoutexplore.report.plots import agent_look, line_path
 
 MOST_DOTS = 1500
 """Dots of a scatter; of more, every n-th is drawn."""
+
+_STEP = 0.25
+"""Between the labels of an axis."""
+
+_BINS = 10
+"""Bins of a calibration between one half and 1."""
 
 _QUIET = {"none": palette.GREY, "oracle": palette.BLACK}
 """Predictors that are bounds, not competitors."""
@@ -86,7 +92,6 @@ def line_chart(
     main: str = "",
     low: float = 0.0,
     high: float = 1.0,
-    step: float = 0.25,
 ) -> Chart:
     """Values over strata, a line each; whiskers stand side by side where strata have several.
 
@@ -96,7 +101,6 @@ def line_chart(
         main: The name that wears the first colour.
         low: Least value of the y axis.
         high: Greatest value.
-        step: Between its labels.
     """
     slot = 100 / max(len(strata), 1)
 
@@ -118,16 +122,15 @@ def line_chart(
                         round((n + 0.5) * slot + shift, 2), height(value.estimate), low_end, high_end, title
                     )
                 )
-        path = "M" + " L".join(f"{p.x},{p.y}" for p in points) if points else ""
-        drawn.append((name, path, tuple(points)))
+        drawn.append((name, line_path((p.x, p.y) for p in points), tuple(points)))
     ends = [points[-1].y if points else 100.0 for _, _, points in drawn]
     series = [
         Series(name, *looks[name], path, points, end, round(label_at, 2))
         for (name, path, points), end, label_at in zip(drawn, ends, label_places(ends, 8.0), strict=True)
     ]
     x_ticks = tuple((round((n + 0.5) * slot, 2), text) for n, text in enumerate(strata))
-    count = round((high - low) / step)
-    y_ticks = tuple((height(low + n * step), f"{low + n * step:g}") for n in range(count + 1))
+    count = round((high - low) / _STEP)
+    y_ticks = tuple((height(low + n * _STEP), f"{low + n * _STEP:g}") for n in range(count + 1))
     return Chart(tuple(series), Ticks(x_ticks, y_ticks))
 
 
@@ -144,7 +147,7 @@ def predictor_looks(names: Sequence[str], main: str = "") -> dict[str, tuple[str
     return looks
 
 
-def calibration_chart(confidence: Floats, right: Mask, *, bins: int = 10) -> Scatter:
+def calibration_chart(confidence: Floats, right: Mask) -> Scatter:
     """Stated against observed probability of being right, a dot a bin from one half to 1.
 
     Its area is its share of all; what was said with less than one half stands at the left end.
@@ -152,11 +155,10 @@ def calibration_chart(confidence: Floats, right: Mask, *, bins: int = 10) -> Sca
     Args:
         confidence: float64 (n,), stated, 0..1.
         right: bool (n,), whether it was.
-        bins: Number of bins between one half and 1.
     """
-    which = np.clip(((confidence - 0.5) * 2 * bins).astype(int), 0, bins - 1)
+    which = np.clip(((confidence - 0.5) * 2 * _BINS).astype(int), 0, _BINS - 1)
     dots = []
-    for k in range(bins):
+    for k in range(_BINS):
         inside = which == k
         if inside.any():
             stated, observed = float(confidence[inside].mean()), float(right[inside].mean())

@@ -17,7 +17,7 @@ from layoutexplore.grids.arrays import Bytes, Ints, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
-from layoutexplore.report.plots import ScaleBar, scale_bar
+from layoutexplore.report.plots import ScaleBar, line_path, scale_bar
 from layoutexplore.report.templates import number, png_uri
 
 MARGIN, LEAST_SIDE = 2.5, 12.0
@@ -182,9 +182,7 @@ def _cells_walked(decision: DecisiveDecision, goal: tuple[int, int], resolution:
 
 def _path(cells: Ints, place: Place) -> str:
     kept = cells[::2].tolist() + cells[-1:].tolist()
-    return "M" + " L".join(
-        f"{x:.1f},{y:.1f}" for x, y in (place((float(row), float(col))) for row, col in kept)
-    )
+    return line_path(place((float(row), float(col))) for row, col in kept)
 
 
 def _labels(decision: DecisiveDecision, place: Place, size: tuple[int, int]) -> tuple[Label, ...]:

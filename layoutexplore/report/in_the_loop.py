@@ -17,10 +17,12 @@ from layoutexplore.drawing.room_fills import fills_of_rooms
 from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.in_the_loop import BASELINE, DRIVER, LoopScore
 from layoutexplore.files import safe_name, write_atomically, write_csv
-from layoutexplore.grids.arrays import Bytes, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.grids.ros_map import encode_png
+from layoutexplore.metrics.overlaps import shared_cells
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.snapshot import Snapshot
@@ -71,14 +73,17 @@ def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
     image[:] = palette.CANVAS
     ids = np.where(rooms.passable, rooms.room_ids, 0)
     fills = fills_of_rooms(truth.room_ids, truth.resolution)
-    for room, true_room in _true_rooms(ids, truth.room_ids, cells == FREE).items():
+    seen = cells == FREE
+    true_rooms = shared_cells(ids[seen], truth.room_ids[seen]).argmax(axis=1)
+    for room in np.unique(ids[seen & (ids > 0)]).tolist():
+        true_room = true_rooms[room]
         red, green, blue = fills[true_room].tolist() if true_room else palette.room_colour(0)
         colour = (red, green, blue)
-        image[(ids == room) & (cells == FREE)] = colour
+        image[(ids == room) & seen] = colour
         if room != rooms.rest:
             image[(ids == room) & (cells == UNKNOWN)] = palette.mix(palette.CANVAS, colour, HIDDEN)
-    image[(ids == 0) & (cells == FREE)] = palette.FREE
-    unseen_wall = (cells == UNKNOWN) & truth.occupied & _beside(truth.free)
+    image[(ids == 0) & seen] = palette.FREE
+    unseen_wall = (cells == UNKNOWN) & truth.occupied & with_neighbours(truth.free)
     image[unseen_wall] = palette.mix(palette.CANVAS, palette.WALL, FAINT)
     image[cells == OCCUPIED] = palette.WALL
     for frontier in snapshot.decision.frontiers:
@@ -88,18 +93,6 @@ def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
     scale = max(1, round(WIDTH / max(part.shape[:2])))
     large = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
     return np.ascontiguousarray(large[::-1], np.uint8)
-
-
-def _true_rooms(ids: Ints32, true_ids: Ints32, seen: Mask) -> dict[int, int]:
-    """By predicted room with a seen cell the true room that most of these belong to, 0 for none."""
-    pairs, counts = np.unique(np.stack([ids[seen], true_ids[seen]]), axis=1, return_counts=True)
-    rising = np.argsort(counts, kind="stable")  # the commonest comes last and stays
-    return {room: true for room, true in pairs[:, rising].T.tolist() if room > 0}
-
-
-def _beside(mask: Mask) -> Mask:
-    """The cells within one step of a mask."""
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
 
 
 @checks_arguments

@@ -27,7 +27,7 @@ from layoutexplore.errors import ResultsError
 from layoutexplore.grids.arrays import Bytes, Floats
 from layoutexplore.priors.completion import Compared
 from layoutexplore.report.decisive_decisions import DecisionPicture, decision_picture
-from layoutexplore.report.plots import Look, agent_looks
+from layoutexplore.report.plots import Look, agent_looks, line_path
 from layoutexplore.report.templates import number, percent, png_uri
 
 DRAWN, WRONG_DRAWN = 6, 2
@@ -293,8 +293,7 @@ def _confidence(found: BelievedPlan) -> Floats:
 
 
 def _line(curve: Floats) -> str:
-    points = (f"{100 * x:.1f},{100 - 100 * y:.1f}" for x, y in zip(STEPS, curve, strict=True))
-    return "M" + " L".join(points)
+    return line_path(zip((100 * STEPS).tolist(), (100 - 100 * curve).tolist(), strict=True))
 
 
 def _runs_shown(

@@ -7,7 +7,7 @@ placed by the page's style in percent. So text has the same size on a telephone 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -74,16 +74,15 @@ class ForestPlot:
     name_width: int
 
 
-def forest(comparisons: Sequence[Comparison], metric: str = "d95", guard: str = "d99") -> ForestPlot:
+def forest(comparisons: Sequence[Comparison], metric: str = "d95") -> ForestPlot:
     """The comparisons of one group as a forest plot, best first.
 
     Args:
         comparisons: All metrics of one group.
-        metric: What is shown with its interval.
-        guard: What is shown as a small mark.
+        metric: What is shown with its interval; the distance to 99 % is a small mark.
     """
     shown = sorted((c for c in comparisons if c.metric == metric), key=lambda c: c.ratio.estimate)
-    guards = {c.agent: c for c in comparisons if c.metric == guard}
+    guards = {c.agent: c for c in comparisons if c.metric == "d99"}
     ends = [
         v for c in shown if c.ratio.estimate < _ODD for v in (c.ratio.low, c.ratio.high, c.ratio.estimate)
     ]
@@ -139,12 +138,16 @@ def curve_lines(
     ends = [100 * (1 - float(curve.mean[-1])) for curve in shown]
     lines = []
     for curve, end, label_at in zip(shown, ends, label_places(ends), strict=True):
-        x, y = 100 * curve.x / curve.x[-1], 100 * (1 - curve.mean)
-        low, high = 100 * (1 - curve.low), 100 * (1 - curve.high)
-        band = f"{_path(x, high)} L{_path(x[::-1], low[::-1])[1:]} Z"
+        x = (100 * curve.x / curve.x[-1]).tolist()
+        mean, low, high = (
+            list(zip(x, (100 * (1 - y)).tolist(), strict=True)) for y in (curve.mean, curve.low, curve.high)
+        )
+        band = f"{line_path(high + low[::-1])} Z"
         look = looks[curve.agent]
         lines.append(
-            CurveLine(curve.agent, *look, _path(x, y), band, curve.cells, round(end, 2), round(label_at, 2))
+            CurveLine(
+                curve.agent, *look, line_path(mean), band, curve.cells, round(end, 2), round(label_at, 2)
+            )
         )
     return lines
 
@@ -321,7 +324,7 @@ def track_picture(track: Floats, frame: Floats, rows: int) -> TrackPicture:
             np.array([np.interp(ends[j], walked, points[:, axis]) for axis in (0, 1)]) for j in (k, k + 1)
         ]
         piece = np.vstack([tips[0], points[inside], tips[1]])
-        pieces.append((_ramp((k + 0.5) / _PIECES), _path(piece[:, 0], piece[:, 1])))
+        pieces.append((_ramp((k + 0.5) / _PIECES), line_path(piece.tolist())))
     (sx, sy), (ex, ey) = points[0], points[-1]
     return TrackPicture(
         pieces, (round(float(sx), 1), round(float(sy), 1)), (round(float(ex), 1), round(float(ey), 1))
@@ -335,8 +338,15 @@ def _ramp(t: float) -> str:
     return palette.to_hex((int(r), int(g), int(b)))
 
 
-def _path(x: Floats, y: Floats) -> str:
-    return "M" + " L".join(f"{a:.2f},{b:.2f}" for a, b in zip(x, y, strict=True))
+def line_path(points: Iterable[tuple[float, float]]) -> str:
+    """An SVG path through points (x, y), of which y runs downwards; empty where there is none.
+
+    Example:
+        >>> line_path([(0, 1), (2.5, 3)])
+        'M0.00,1.00 L2.50,3.00'
+    """
+    path = " L".join(f"{x:.2f},{y:.2f}" for x, y in points)
+    return f"M{path}" if path else ""
 
 
 def heat(ratio: float) -> str:

@@ -94,7 +94,7 @@ def points(value: float) -> str:
     return text[1:] if text[1:] == "0.0" else text.replace("-", "\N{MINUS SIGN}")
 
 
-def interval(value: Interval | None, digits: int = 2, *, sign: bool = False) -> str:
+def interval(value: Interval | None) -> str:
     """An estimate with its interval, or a dash where there is none.
 
     Example:
@@ -104,11 +104,9 @@ def interval(value: Interval | None, digits: int = 2, *, sign: bool = False) -> 
     """
     if value is None or not math.isfinite(value.estimate):
         return "–"
-    spec = f"{'+' if sign else ''}.{digits}f"
     if not math.isfinite(value.low):
-        return format(value.estimate, spec)
-    between = " to " if sign else "–"
-    return f"{value.estimate:{spec}} ({value.low:{spec}}{between}{value.high:{spec}})"
+        return f"{value.estimate:.2f}"
+    return f"{value.estimate:.2f} ({value.low:.2f}–{value.high:.2f})"
 
 
 def png_uri(image: Bytes) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 
 from layoutexplore.grids.arrays import Cells, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.layout.alignment import turn
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.predictors.upright import outlined, wall_angle
@@ -127,7 +128,7 @@ def shut_rooms(truth: Cells, resolution: float, rng: np.random.Generator) -> Cel
     side = 2 * in_cells(0.1, resolution) + 1
     around = cv2.dilate(seen.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
     cells = np.where(seen, FREE, np.where((truth == OCCUPIED) & around, OCCUPIED, UNKNOWN)).astype(np.int8)
-    touched = cv2.dilate(seen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    touched = with_neighbours(seen)
     for line in shut:
         if (line & touched).any():
             cells[line] = OCCUPIED
@@ -178,7 +179,7 @@ def plan_cells(plan: FloorPlan, resolution: float, rng: np.random.Generator) -> 
     shrink = 2 * int(rng.integers(0, 3)) * in_cells(0.05, resolution) + 1
     free = cv2.erode(free.astype(np.uint8), np.ones((shrink, shrink), np.uint8)) > 0
     free = _largest(free)
-    rim = cv2.dilate(free.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    rim = with_neighbours(free)
     rim &= (rng.random(free.shape) > rng.choice([0.0, 0.1, 0.3])) & ~free
     return np.where(free, FREE, np.where(rim, OCCUPIED, UNKNOWN)).astype(np.int8)
 

@@ -2,14 +2,11 @@
 
 Maps whose shut rooms are known are learnt from: those of a folder (NAME_k_doors_IN.png with NAME_GT.png), the
 same buildings with other doors shut at random, and floor plans with doors shut at random. Every map's samples
-are kept in a folder, so that a run that was stopped goes on where it was:
-
-    python -m layoutexplore.training.closed_doors maps/ --plans schools/ --cache samples/
+are kept in a folder, so that a run that was stopped goes on where it was.
 """
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -164,21 +161,16 @@ class Source:
     truth: Path | None
 
 
-def find_sources(
-    folder: Path | None, plans: Sequence[str], *, buildings: Sequence[str] | None = None
-) -> list[Source]:
+def find_sources(folder: Path | None, plans: Sequence[str]) -> list[Source]:
     """The maps that can be learnt from.
 
     Args:
         folder: NAME_k_doors_IN.png with NAME_GT.png, or None.
         plans: Floor plans to shut doors in.
-        buildings: Names in the folder that are used; all when None.
     """
     from layoutexplore.maps.closed_door_maps import find_triples
 
-    triples = (
-        [t for t in find_triples(folder) if buildings is None or t.building in buildings] if folder else []
-    )
+    triples = find_triples(folder) if folder else []
     out = [
         Source(building_of(t.building, "closed doors"), t.name, t.seen, t.truth)
         for t in triples
@@ -282,34 +274,3 @@ def save(models: Models, folder: Path, note: str) -> None:
     """Write both forests."""
     save_forests(folder / DOOR_MODEL.name, {DOOR: models.doors}, DOOR_FEATURES, note)
     save_forests(folder / ROOM_MODEL.name, {AGREEMENT: models.rooms}, FEATURES, note)
-
-
-def train_from_command_line(arguments: Sequence[str] | None = None) -> None:
-    """Train from the command line."""
-    from layoutexplore.maps import expand_plans
-
-    parser = argparse.ArgumentParser(description="Train the trees that find rooms behind closed doors.")
-    parser.add_argument("folder", type=Path, help="NAME_k_doors_IN.png with NAME_GT.png")
-    parser.add_argument(
-        "--plans", nargs="*", default=[], help="floor plans to shut doors in: names, files or folders"
-    )
-    parser.add_argument("--cache", type=Path, help="folder for the samples of every map")
-    parser.add_argument("--out", type=Path, default=ROOM_MODEL.parent, help="folder for the two models")
-    options = parser.parse_args(arguments)
-    sources = find_sources(options.folder, [plan for spec in options.plans for plan in expand_plans(spec)])
-    collected = []
-    for source, samples in collect_all(sources, options.cache):
-        collected.append((source, samples))
-        print(
-            f"{len(collected)} of {len(sources)} {source.name}: {len(samples.agreement)} rectangles",
-            flush=True,
-        )
-    note = (
-        f"trained on {len(collected)} maps of {len({source.building for source, _ in collected})} buildings"
-    )
-    save(fit(samples for _, samples in collected), options.out, note)
-    print(f"{note}; written: {options.out}")
-
-
-if __name__ == "__main__":
-    train_from_command_line()

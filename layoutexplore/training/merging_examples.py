@@ -12,6 +12,7 @@ from layoutexplore.layout.alignment import turn_back
 from layoutexplore.layout.merging.graph_tables import RegionGraph
 from layoutexplore.layout.merging.method import MergingConfig, find_regions
 from layoutexplore.layout.timing import StageTimer
+from layoutexplore.metrics.overlaps import shared_cells
 
 SIMULATED = "simulated"
 """Building of the simulated maps."""
@@ -39,15 +40,7 @@ class Example:
     noisy: bool = False
 
 
-def make_example(
-    cells: Cells,
-    truth: Ints32,
-    resolution: float,
-    *,
-    building: str,
-    kind: str,
-    config: MergingConfig | None = None,
-) -> Example:
+def make_example(cells: Cells, truth: Ints32, resolution: float, *, building: str, kind: str) -> Example:
     """Cut a map into regions and count whose they are.
 
     Args:
@@ -56,14 +49,11 @@ def make_example(
         resolution: Metres a cell.
         building: Name of the building.
         kind: Kind of map, such as "empty".
-        config: Options of the merging.
     """
-    regions = find_regions(cells, resolution, config or MergingConfig(), StageTimer(), asked=True)
+    regions = find_regions(cells, resolution, MergingConfig(), StageTimer(), asked=True)
     labels = turn_back(regions.labels, regions.turned, (cells.shape[0], cells.shape[1]))
     free = cells == FREE
-    columns = int(truth.max(initial=0)) + 1
-    keys = labels[free].astype(np.int64) * columns + truth[free]
-    counts = np.bincount(keys, minlength=len(regions.part) * columns).reshape(-1, columns).astype(np.float64)
-    rooms = np.zeros((len(regions.graph.nodes), columns))
+    counts = shared_cells(labels[free], truth[free], count=len(regions.part)).astype(np.float64)
+    rooms = np.zeros((len(regions.graph.nodes), counts.shape[1]))
     np.add.at(rooms, regions.part, counts)
     return Example(regions.graph, regions.features, rooms, building, kind)

@@ -16,6 +16,7 @@ from layoutexplore.frontiers.classes import FrontierClasses, true_classes
 from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Ints, Mask
 from layoutexplore.layout.doorways import Regions, doorway_regions
 from layoutexplore.maps.floorplan import PlanRaster
+from layoutexplore.metrics.overlaps import most_shared
 from layoutexplore.predictors.cell_model.features import CandidateCells, find_candidates
 from layoutexplore.predictors.cell_model.network_input import NetworkInput, make_network_input
 from layoutexplore.predictors.frontier_model.features import (
@@ -223,9 +224,5 @@ def _are_inside(candidates: CandidateCells, regions: Regions, truth: PlanRaster)
 
 def seen_rooms(regions: Regions, truth: PlanRaster) -> Ints:
     """The true room int64 (regions + 1,) that each region is mostly part of; 0 for none."""
-    rooms = int(truth.room_ids.max()) + 1
     seen = regions.labels > 0
-    pairs = regions.labels[seen].astype(np.int64) * rooms + truth.room_ids[seen]
-    shared = np.bincount(pairs, minlength=(regions.count + 1) * rooms).reshape(-1, rooms)
-    shared[:, 0] = 0
-    return np.asarray(shared.argmax(1))
+    return most_shared(regions.labels[seen], truth.room_ids[seen], count=regions.count + 1)[0]

@@ -7,7 +7,7 @@ import numpy as np
 
 from layoutexplore.grids.arrays import Bytes, Cells, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell, Pose, in_cells
-from layoutexplore.grids.morphology import inflate
+from layoutexplore.grids.morphology import inflate, with_neighbours
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
 from layoutexplore.planning.shortest_paths import geodesic_distances
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
@@ -84,7 +84,7 @@ def _furniture(shape: tuple[int, ...], place: Cell, resolution: float, rng: np.r
 
 def drawn(occupied: Mask) -> Cells:
     """The map of a building as it is drawn: all of it, without noise, unknown inside what is solid."""
-    near = cv2.dilate((~occupied).astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    near = with_neighbours(~occupied)
     return np.where(~occupied, FREE, np.where(near, OCCUPIED, UNKNOWN)).astype(np.int8)
 
 

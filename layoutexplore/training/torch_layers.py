@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import safetensors.torch
 import torch
 from torch import nn
 from torch.nn import functional
 
-from layoutexplore.errors import ConfigError, shortened
-from layoutexplore.files import write_atomically
+from layoutexplore.agents.rl.networks.training_state import optimizer_tensors, restore_optimizer
+from layoutexplore.agents.rl.torch_policy_files import save_tensors
+from layoutexplore.errors import ConfigError
 from layoutexplore.files.tensors import read_tensors
 from layoutexplore.grids.arrays import Floats32
 
@@ -71,34 +71,10 @@ def fit_network(
     network.cpu().eval()
 
 
-def chosen_device(device: str) -> str:
-    """Where networks are trained: "cpu" or "cuda".
-
-    Args:
-        device: One of these, or "auto" for "cuda" where there is one.
-
-    Raises:
-        ConfigError: There is no such device.
-    """
-    there = torch.cuda.is_available()
-    if device not in ("auto", "cpu", "cuda"):
-        raise ConfigError(f"device must be auto, cpu or cuda, got {shortened(device)}")
-    if device == "cuda" and not there:
-        raise ConfigError("there is no CUDA device here: use cpu or auto")
-    return "cuda" if there and device != "cpu" else "cpu"
-
-
-def _state(network: nn.Module, optimizer: torch.optim.Optimizer) -> dict[str, torch.Tensor]:
-    """The tensors that change with the steps, by name."""
-    tensors = {f"network.{name}": values for name, values in network.state_dict().items()}
-    for index, parts in optimizer.state_dict()["state"].items():
-        tensors |= {f"optimizer.{index}.{key}": torch.as_tensor(value) for key, value in parts.items()}
-    return tensors
-
-
 def _keep(kept: Path, network: nn.Module, optimizer: torch.optim.Optimizer, step: int, steps: int) -> None:
-    tensors = {name: values.contiguous() for name, values in _state(network, optimizer).items()}
-    write_atomically(kept, safetensors.torch.save(tensors, {"step": str(step), "steps": str(steps)}))
+    tensors = {f"network.{name}": values for name, values in network.state_dict().items()}
+    tensors |= optimizer_tensors(optimizer)
+    save_tensors(kept, tensors, {"step": str(step), "steps": str(steps)})
 
 
 def _take_up(kept: Path, network: nn.Module, optimizer: torch.optim.Optimizer, steps: int) -> int:
@@ -112,14 +88,8 @@ def _take_up(kept: Path, network: nn.Module, optimizer: torch.optim.Optimizer, s
     if told.get("steps") != str(steps) or not told.get("step", "").isdecimal():
         raise ConfigError(f"{kept}: kept of a training of other steps than {steps}: name another folder")
     found = {name: torch.from_numpy(values.copy()) for name, values in tensors.items()}
-    network.load_state_dict({name[len("network.") :]: found[name] for name in shapes})
-    parts: dict[int, dict[str, torch.Tensor]] = {}
-    for name, values in found.items():
-        whose, _, rest = name.partition(".")
-        if whose == "optimizer":
-            index, _, key = rest.partition(".")
-            parts.setdefault(int(index), {})[key] = values
-    optimizer.load_state_dict({**optimizer.state_dict(), "state": parts})
+    restore_optimizer(optimizer, found, kept, ConfigError)
+    network.load_state_dict({name.removeprefix("network."): found[name] for name in shapes})
     return int(told["step"])
 
 

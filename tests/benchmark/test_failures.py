@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from layoutexplore.benchmark import pool
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.rows import prepare
 from layoutexplore.benchmark.runner import BenchmarkWatcher, run_benchmark
@@ -142,6 +143,17 @@ def test_a_run_beyond_its_memory_says_how_much_it_may_take(
     (row,) = done.failed
     assert row.error.startswith(said) and mark.read_text() == "x" * begun
     assert re.search(r"beside the \d{3,} MB that its process has before it begins: allow more", row.error)
+
+
+def test_an_agent_without_end_ends_with_its_time(
+    plans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its warm-up, too: it has the same endless loop."""
+    monkeypatch.setattr(pool, "PREPARING", 0.0)
+    path = write(tmp_path, AGENT.replace("return min(", "while True:\n            pass\n        return min("))
+    done = run_benchmark(dataclasses.replace(config(plans, f"{path}:Mine"), cell_seconds=2), tmp_path / "out")
+    (row,) = done.failed
+    assert row.error.startswith("CellTimeoutError: the run took longer than the 2 s that it may")
 
 
 def test_a_repaired_run_has_no_failure(plans: Path, tmp_path: Path) -> None:

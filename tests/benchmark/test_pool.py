@@ -84,6 +84,21 @@ def test_a_task_that_takes_too_long_or_too_much_ends() -> None:
         assert small(10) == 10
 
 
+def test_a_preparation_without_end_ends_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pool, "PREPARING", 0.1)
+    begun: list[str] = []
+
+    def endless(task: str) -> None:
+        begun.append(task)
+        while True:
+            time.sleep(0.01)
+
+    limited = Limited(str, lambda task: "late", seconds=30.0, prepare=begun.append)
+    assert limited("first") == "first" and begun == ["first"]
+    limited = Limited(str, lambda task: "late", seconds=0.2, prepare=endless)
+    assert limited("second") == "second" and begun == ["first", "second"]
+
+
 def test_a_swallowed_end_of_time_does_not_wait_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a finalizer is hit by is only printed: the task goes on, and is told again or ends by itself."""
     monkeypatch.setattr(pool, "AGAIN", 0.05)

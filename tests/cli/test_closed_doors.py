@@ -9,7 +9,11 @@ import pytest
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app
-from layoutexplore.errors import ConfigError
+from layoutexplore.closed_doors.doors import DOOR_FEATURES
+from layoutexplore.closed_doors.features import FEATURES
+from layoutexplore.closed_doors.models import AGREEMENT, DOOR
+from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.models.forest_files import load_forests
 
 
 def test_command(closed_door_maps: Path, tmp_path: Path) -> None:
@@ -28,6 +32,17 @@ def test_command(closed_door_maps: Path, tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert {p.name for p in out.iterdir()} == {"office_1_doors_pred.png", "office_2_doors_pred.png"}
     assert len(json.loads(report.read_text())["maps"]) == 2
+
+
+def test_training_writes_both_models(closed_door_maps: Path, tmp_path: Path) -> None:
+    words = ["evaluate", "train-closed-doors", str(closed_door_maps), "--out", str(tmp_path / "models")]
+    result = CliRunner().invoke(app, [*words, "--cache", str(tmp_path / "samples")])
+    assert result.exit_code == 0, result.output
+    assert "maps of 1 building" in result.output
+    assert len(load_forests(tmp_path / "models" / "doors.json", DOOR_FEATURES)[DOOR].roots)
+    assert len(load_forests(tmp_path / "models" / "rooms.json", FEATURES)[AGREEMENT].roots)
+    missing = CliRunner().invoke(app, [*words[:2], str(tmp_path / "nowhere"), *words[3:]])
+    assert isinstance(missing.exception, MapError) and "nowhere" in str(missing.exception)
 
 
 @pytest.mark.parametrize("folds", ["1", "8"])

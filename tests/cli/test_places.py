@@ -76,6 +76,13 @@ def test_places_are_named_by_their_options(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+def test_a_json_file_is_named_like_one(tmp_path: Path) -> None:
+    check_places(None, tmp_path / "numbers.JSON")
+    check_places(None, Path("/dev/null"))
+    with pytest.raises(ConfigError, match=r"numbers\.csv: --json must name a file that ends with \.json"):
+        check_places(None, tmp_path / "numbers.csv")
+
+
 def test_a_link_that_leads_nowhere_is_no_place(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "nowhere")
     (tmp_path / "loop").symlink_to(tmp_path / "loop")

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+import pytest
 
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
-from layoutexplore.priors.openings import with_ways_in
+from layoutexplore.grids.morphology import disc, draw_way, nearest_cells
+from layoutexplore.priors.openings import DOOR, LEAST_HIDDEN, PASSAGE, THROUGH, open_rooms, with_ways_in
 
 RESOLUTION = 0.1
 CORRIDOR, ROOM = (slice(10, 30), slice(10, 110)), (slice(32, 72), slice(40, 90))
@@ -84,3 +86,53 @@ def test_without_anything_known_or_foreseen_nothing_is_opened() -> None:
     nothing = np.full((20, 20), UNKNOWN, np.int8)
     assert np.array_equal(with_ways_in(nothing, nothing, RESOLUTION), nothing)
     assert np.array_equal(with_ways_in(drawn(), np.full_like(drawn(), UNKNOWN), RESOLUTION), drawn())
+
+
+def opened_slowly(foreseen: Cells, known: Cells) -> Cells:
+    """Part by part, with distances all over the grid."""
+    cells, unseen = foreseen.copy(), known == UNKNOWN
+    free = (completed(cells, known) == FREE).astype(np.uint8)
+    passable = cv2.erode(free, disc(PASSAGE / RESOLUTION), borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    count, parts = cv2.connectedComponents(passable, connectivity=4)
+    main = 1 + max(range(count - 1), key=lambda k: np.count_nonzero(~unseen & (parts == k + 1)))
+    distance, nearest = nearest_cells(parts == main)
+    walls = cv2.dilate((known == OCCUPIED).astype(np.uint8), disc(PASSAGE / RESOLUTION))
+    for part in range(1, count):
+        if part == main or np.count_nonzero(unseen & (parts == part)) * RESOLUTION**2 < LEAST_HIDDEN:
+            continue
+        ways = []
+        for r, c in np.argwhere((parts == part) & (distance <= THROUGH / RESOLUTION)).tolist():
+            row, col = nearest[r, c].tolist()
+            steps = max(abs(row - r), abs(col - c), 1)
+            line = [
+                (r + round((row - r) * k / steps), c + round((col - c) * k / steps)) for k in range(steps + 1)
+            ]
+            if not any(walls[cell] for cell in line):
+                ways.append((known[row, col] != FREE, distance[r, c], (r, c), (row, col)))
+        ways = [way for way in ways if way[0] == min(ways)[0]]
+        ways = [way for way in ways if way[1] <= min(other[1] for other in ways) + 3]
+        if ways:
+            middle = np.median([way[2] for way in ways], axis=0)
+            _, _, start, end = min(ways, key=lambda way: float(np.abs(way[2] - middle).sum()))
+            ends = np.array([start, end], np.int32)
+            draw_way(cells.view(np.uint8), ends[0], ends[1], DOOR / RESOLUTION, FREE)
+    return cells
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_rooms_are_opened_as_part_by_part(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cells = np.full((110, 130), OCCUPIED, np.int8)
+    for row in range(4, 90, 24):
+        for col in range(4, 100, 29):
+            height, width = rng.integers(9, 24, 2)
+            cells[row : row + height, col : col + width] = FREE
+    known = np.full(cells.shape, UNKNOWN, np.int8)
+    row, col = rng.integers(0, 60, 2)
+    seen = slice(row, row + 45), slice(col, col + 40)
+    known[seen] = np.where((cells[seen] == FREE) | (rng.random((45, 40)) < 0.01), cells[seen], UNKNOWN)
+    known[seen][rng.random((45, 40)) < 0.0005] = OCCUPIED
+    found = cells.copy()
+    changed = open_rooms(found, known, RESOLUTION)
+    slow = opened_slowly(cells, known)
+    assert np.array_equal(found, slow) and changed == (not np.array_equal(slow, cells))

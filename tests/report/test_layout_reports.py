@@ -101,6 +101,8 @@ def test_the_report_says_what_the_layout_did(folder: ResultsFolder) -> None:
     for text in (html, markdown.read_text()):
         assert "What the layout did" in text and "Stopping early" in text and FLIPPED in text
     assert "choices changed" in html and "true classes" in html
+    labels = re.findall(r'<span class="end"[^>]*>([^<]*m²)</span>', html)
+    assert labels and not any(" m²" in label for label in labels), "a number and its unit stay on one line"
     moments = [
         m
         for row in folder.rows()

@@ -44,7 +44,7 @@ def test_the_best_and_the_worst_run_are_shown(tmp_path: Path) -> None:
     assert line.sure == np.float32(0.4)  # half of 40 m: the decision at 10 m
     first = line.shown[0].pictures[0]
     assert first.caption.startswith("20") and "50" in first.caption and "confidence 0.40" in first.caption
-    assert line.median.startswith("M0.0,90.0 ") and line.median.endswith("L100.0,10.0")
+    assert line.median.startswith("M0.00,90.00 ") and line.median.endswith("L100.00,10.00")
 
 
 def test_the_page_has_it_and_others_do_not(tmp_path: Path) -> None:

@@ -27,7 +27,6 @@ from layoutexplore.errors import ResultsError
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
-from layoutexplore.metrics.statistics import Interval
 from layoutexplore.report.benchmark import headline, report_view, write_benchmark_report
 from layoutexplore.report.templates import TEMPLATES, interval, render
 from tests.plans import HOUSE
@@ -389,4 +388,3 @@ def test_a_folder_without_a_benchmark(tmp_path: Path) -> None:
 
 def test_intervals_as_text() -> None:
     assert interval(None) == "–"
-    assert interval(Interval(-0.012, -0.03, 0.01), sign=True) == "-0.01 (-0.03 to +0.01)"

@@ -60,9 +60,9 @@ class FrontierBatch(NamedTuple):
             self.slots,
         )
 
-    def in_slots(self, values: Tensor, empty: float = 0.0) -> Tensor:
-        """A value of each frontier (n,) at its slot: (batch, slots)."""
-        table = values.new_full((len(self.counts), self.slots), empty)
+    def in_slots(self, values: Tensor) -> Tensor:
+        """A value of each frontier (n,) at its slot, 0 at empty ones: (batch, slots)."""
+        table = values.new_full((len(self.counts), self.slots), 0.0)
         return table.index_put((self.owners, self.places), values)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import typer
 
 from layoutexplore.cli.evaluate.closed_doors import HELP as CLOSED_DOORS_HELP
-from layoutexplore.cli.evaluate.closed_doors import closed_doors
+from layoutexplore.cli.evaluate.closed_doors import closed_doors, train_closed_doors
 from layoutexplore.cli.evaluate.clutter import HELP as CLUTTER_HELP
 from layoutexplore.cli.evaluate.clutter import clutter
 from layoutexplore.cli.evaluate.foresight import HELP as FORESIGHT_HELP
@@ -43,6 +43,7 @@ COMMANDS: dict[str, tuple[Callable[..., None], str | None]] = {
     "registration": (registration, REGISTRATION_HELP),
     "train-prior": (train_prior, TRAIN_PRIOR_HELP),
     "closed-doors": (closed_doors, CLOSED_DOORS_HELP),
+    "train-closed-doors": (train_closed_doors, None),
     "segmentation": (segmentation, None),
     "train": (train_merging, None),
     "train-fans": (train_fans, None),
@@ -62,6 +63,7 @@ EXAMPLES = {
     "registration": "test -k true -k rough -k wrong --out registration",
     "train-prior": "train office:1-5 school:1-5 --out confidence",
     "closed-doors": "maps/ --out predicted",
+    "train-closed-doors": "maps/ --plans schools/ --cache samples --out models",
     "segmentation": "maps/ recorded/ --leave-out source --out report",
     "train": "maps/ --plans schools/ --out merging_model.json",
     "train-fans": "--plans schools/ --out fan_model.json",

@@ -1,4 +1,4 @@
-"""`layoutexplore evaluate closed-doors`: how well the rooms behind closed doors are predicted."""
+"""`layoutexplore evaluate closed-doors` and `train-closed-doors`: rooms behind closed doors."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from layoutexplore.cli.evaluate.options import JsonFile
 from layoutexplore.files import check_places, write_json
 
 if TYPE_CHECKING:
@@ -57,9 +58,7 @@ def closed_doors(
     plans: Plans = None,
     cache: Cache = None,
     report: Annotated[bool, typer.Option(help="Also write report.html with a picture of every map.")] = True,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write every number into this file.")
-    ] = None,
+    json_file: JsonFile = None,
 ) -> None:
     """Score rooms behind closed doors; `HELP` is what the command line says."""
     from layoutexplore.errors import require
@@ -99,6 +98,28 @@ def closed_doors(
     if json_file is not None:
         write_json(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
         typer.echo(f"written: {json_file}")
+
+
+def train_closed_doors(
+    folder: Annotated[Path, typer.Argument(help="Folder with NAME_k_doors_IN.png and NAME_GT.png.")],
+    out: Annotated[Path, typer.Option(help="Folder for doors.json and rooms.json.")],
+    plans: Annotated[
+        list[str] | None, typer.Option(help="Floor plans to shut doors in besides (name, file or folder).")
+    ] = None,
+    cache: Annotated[
+        Path | None, typer.Option(help="Keeps what is learnt from; a stopped run goes on.")
+    ] = None,
+) -> None:
+    """Train the trees that find closed doors and score the rooms behind them."""
+    from layoutexplore.training.closed_doors import fit, save
+
+    check_places(out, cache=cache)
+    learnt = _learn_from(folder, plans or (), cache)
+    buildings = len({source.building for source, _ in learnt})
+    note = f"trained on {len(learnt)} maps of {buildings} buildings"
+    out.mkdir(parents=True, exist_ok=True)
+    save(fit(samples for _, samples in learnt), out, note)
+    typer.echo(f"{note}\nwritten: {out}")
 
 
 def _line(score: PairScore) -> str:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from layoutexplore.cli.evaluate.options import JsonFile
 from layoutexplore.files import check_places, write_json
 
 _FIGURES = {
@@ -30,9 +31,7 @@ def clutter(
         list[Path], typer.Argument(help="Clean grid maps, images or ROS YAML; or folders of images.")
     ],
     resolution: Annotated[float, typer.Option(min=0.001, help="Metres a pixel.")] = 0.05,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write every number into this file.")
-    ] = None,
+    json_file: JsonFile = None,
 ) -> None:
     """Run ROSE on clean maps with clutter added; `HELP` is what the command line says."""
     from layoutexplore.cli.progress import progress_lines

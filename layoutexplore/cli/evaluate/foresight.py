@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from layoutexplore.cli.evaluate.options import FloorPlans, Sensors, Starts, Workers
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -26,7 +27,7 @@ HELP = (
 
 
 def foresight(
-    plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
+    plans: FloorPlans,
     out: Annotated[
         Path, typer.Option(help="Folder for the table and the runs; the same command goes on in it.")
     ],
@@ -34,11 +35,9 @@ def foresight(
         list[str] | None,
         typer.Option("--predictor", "-p", help="Who foresees; oracle:horizon=0 to inf when none is named."),
     ] = None,
-    sensor: Annotated[
-        list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
-    ] = None,
-    starts: Annotated[int, typer.Option(min=1, max=10_000, help="Starts on each floor plan.")] = 1,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
+    sensor: Sensors = None,
+    starts: Starts = 1,
+    jobs: Workers = None,
 ) -> None:
     """Measure what foresight is worth; `HELP` is what the command line says."""
     from layoutexplore.benchmark.analysis import failed_runs

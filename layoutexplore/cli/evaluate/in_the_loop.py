@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from layoutexplore.cli.evaluate.options import FloorPlans, PageFolder, Sensors, Starts, Workers
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -39,19 +40,15 @@ HELP = (
 
 
 def in_the_loop(
-    plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
-    out: Annotated[
-        Path, typer.Option(help="Folder for the page and the runs; the same command goes on in it.")
-    ],
+    plans: FloorPlans,
+    out: PageFolder,
     predictor: Annotated[
         list[str] | None,
         typer.Option("--predictor", "-p", help="Predictor; a choice of all kinds when none is named."),
     ] = None,
-    sensor: Annotated[
-        list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
-    ] = None,
-    starts: Annotated[int, typer.Option(min=1, max=10_000, help="Starts on each floor plan.")] = 2,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
+    sensor: Sensors = None,
+    starts: Starts = 2,
+    jobs: Workers = None,
 ) -> None:
     """Compare predictors in the loop; `HELP` is what the command line says."""
     from layoutexplore.benchmark.analysis import failed_runs

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.segmentation import JsonFile, Methods, Resolution
+from layoutexplore.cli.evaluate.options import JsonFile
+from layoutexplore.cli.evaluate.segmentation import Methods, Resolution
 from layoutexplore.files import check_places, write_json
 
 

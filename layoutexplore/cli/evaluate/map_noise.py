@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from layoutexplore.cli.evaluate.options import JsonFile
 from layoutexplore.files import check_file, check_places, to_toml, write_atomically, write_json
 
 if TYPE_CHECKING:
@@ -42,9 +43,7 @@ def map_noise(
         Path | None,
         typer.Option(help="Folder for maps NAME.png with rooms NAME_gt.png, of the fitted noise."),
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write every number into this file.")
-    ] = None,
+    json_file: JsonFile = None,
 ) -> None:
     """Fit the noise; `HELP` is what the command line says."""
     from layoutexplore.cli.progress import progress_lines

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from layoutexplore.cli.evaluate.options import FloorPlans, JsonFile, Sensors
 from layoutexplore.files import check_places, write_json
 
 ROOM_COLUMNS = (
@@ -56,13 +57,11 @@ HELP = (
 
 
 def partial_rooms(
-    plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
+    plans: FloorPlans,
     predictor: Annotated[
         list[str] | None, typer.Option("--predictor", "-p", help="Predictor; all when none is named.")
     ] = None,
-    sensor: Annotated[
-        list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
-    ] = None,
+    sensor: Sensors = None,
     starts: Annotated[int, typer.Option(min=1, max=10_000, help="Explorations per plan and sensor.")] = 1,
     snapshots: Annotated[
         Path | None, typer.Option(help="Folder that keeps the explorations, to ask again later.")
@@ -70,9 +69,7 @@ def partial_rooms(
     out: Annotated[
         Path | None, typer.Option(help="Folder for a page with tables, plots and pictures of rooms.")
     ] = None,
-    json_file: Annotated[
-        Path | None, typer.Option("--json", help="Write every number into this file.")
-    ] = None,
+    json_file: JsonFile = None,
 ) -> None:
     """Score half-seen rooms; `HELP` is what the command line says."""
     from layoutexplore.agents import make_agent

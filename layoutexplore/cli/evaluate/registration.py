@@ -137,10 +137,8 @@ def _rows(
     jobs: int,
 ) -> list[RegistrationRow]:
     """The rows of all floors and sensors, with a line of progress."""
-    from concurrent.futures import ProcessPoolExecutor
     from contextlib import ExitStack
     from functools import partial
-    from multiprocessing import get_context
 
     from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.errors import unknown_name
@@ -148,8 +146,8 @@ def _rows(
     from layoutexplore.files import check_places
     from layoutexplore.maps.library import find_plans
     from layoutexplore.options import JOBS
+    from layoutexplore.plugins.transport import worker_pool
     from layoutexplore.priors.presets import PRESETS
-    from layoutexplore.processes import end_with_parent
     from layoutexplore.sensing.lidar import sensor as find_sensor
 
     check_places(out)
@@ -165,8 +163,7 @@ def _rows(
     with ProgressLine(plain_console(), "explorations") as line, ExitStack() as stack:
         spread: Callable[..., Iterable[list[RegistrationRow]]] = map
         if jobs > 1:
-            pool = ProcessPoolExecutor(jobs, get_context("spawn"), initializer=end_with_parent)
-            spread = stack.enter_context(pool).map
+            spread = stack.enter_context(worker_pool(jobs)).map
         for k, rows in enumerate(spread(work, *zip(*tasks, strict=True))):
             found += rows
             line.advance(k + 1, len(tasks), (k + 1) / len(tasks), tasks[k][0])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from layoutexplore.cli.evaluate.options import FloorPlans, PageFolder, Sensors, Starts, Workers
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -25,10 +26,8 @@ HELP = (
 
 
 def robustness(
-    plans: Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")],
-    out: Annotated[
-        Path, typer.Option(help="Folder for the page and the runs; the same command goes on in it.")
-    ],
+    plans: FloorPlans,
+    out: PageFolder,
     agents: Annotated[
         list[str] | None,
         typer.Option(help="Agent; nearest, latency-tour and layout-tour without. Repeatable."),
@@ -36,16 +35,14 @@ def robustness(
     predictor: Annotated[
         list[str] | None, typer.Option("--predictor", "-p", help="Predictor; layout when none is named.")
     ] = None,
-    sensor: Annotated[
-        list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
-    ] = None,
+    sensor: Sensors = None,
     level: Annotated[
         list[str] | None,
         typer.Option("--level", "-l", help="Level of noise: low, middle, high; all without. Repeatable."),
     ] = None,
     agents_only: Annotated[bool, typer.Option("--agents-only", help="Leave the predictors out.")] = False,
-    starts: Annotated[int, typer.Option(min=1, max=10_000, help="Starts on each floor plan.")] = 1,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Worker processes. Default: one per core.")] = None,
+    starts: Starts = 1,
+    jobs: Workers = None,
 ) -> None:
     """Measure robustness; `HELP` is what the command line says."""
     from layoutexplore.benchmark.analysis import failed_runs

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from layoutexplore.cli.evaluate.options import JsonFile
 from layoutexplore.files import check_places, write_json
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ Resolution = Annotated[float, typer.Option(min=0.001, help="Metres a pixel.")]
 CaseResolution = Annotated[
     float, typer.Option(min=0.001, help="Metres a pixel where no index.csv (file, m_per_px) beside says it.")
 ]
-JsonFile = Annotated[Path | None, typer.Option("--json", help="Write every number into this file.")]
 Weights = Annotated[
     list[str] | None,
     typer.Option("--weight", help="FOLDER=NUMBER: weight in training of a folder's maps, else 1; repeat."),

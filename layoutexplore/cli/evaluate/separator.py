@@ -39,9 +39,9 @@ def train_separator(
     check_places(None, out, file="--out", cache=cache)
     check_file(out, suffixes=(".safetensors",))
     require("torch", "rl")
+    from layoutexplore.agents.rl.networks.training_state import chosen_device
     from layoutexplore.models.network_files import save_weights
     from layoutexplore.training.separator.network import SeparatorTrainingConfig, train_shipped_separator
-    from layoutexplore.training.torch_layers import chosen_device
 
     names = [plan for text in plans or () for plan in expand_plans(text)]
     config = SeparatorTrainingConfig(

@@ -359,7 +359,7 @@ def _band(centre: Floats, half: float, side: int) -> Floats:
     return np.asarray(np.rint(centre)[:, None] + np.arange(-reach, reach + 1))
 
 
-def mixture_threshold(scores: Floats32, *, bins: int = 256, iterations: int = 200) -> float:
+def mixture_threshold(scores: Floats32) -> float:
     """The score at which two Gaussians fitted to the scores cross (ROSE, section III-C).
 
     Expectation maximisation on the histogram, started from the two halves split at the mean; the crossing
@@ -367,22 +367,20 @@ def mixture_threshold(scores: Floats32, *, bins: int = 256, iterations: int = 20
 
     Args:
         scores: Scores in 0..1 of the occupied cells, any shape.
-        bins: Of the histogram.
-        iterations: At most so many.
 
     Returns:
         The threshold in 0..1; 0.0 (keep everything) when the scores do not fall into two groups.
     """
-    counts, edges = np.histogram(scores, bins=bins, range=(0.0, 1.0))
+    counts, edges = np.histogram(scores, bins=256, range=(0.0, 1.0))
     if np.count_nonzero(counts) < 2:
         return 0.0
     x = (edges[:-1] + edges[1:]) / 2
     total = counts.sum()
     split = float((counts * x).sum() / total)
     high = (x > split).astype(np.float64)
-    for _ in range(iterations):
+    for _ in range(200):
         previous = high
-        densities, means = _maximise(counts, x, high, 1 / bins)
+        densities, means = _maximise(counts, x, high, 1 / len(counts))
         high = densities[1] / np.maximum(densities.sum(axis=0), 1e-300)
         if np.abs(high - previous).max() < 1e-6:
             break

@@ -208,8 +208,12 @@ def _asking(graph: RegionGraph, forest: Forest, rest: Rest) -> Asking:
     )
 
 
-def merge_regions(graph: RegionGraph, forest: Forest, *, level: float = 0.0, rest: Rest = NO_REST) -> Ints32:
+def merge_within(
+    graph: RegionGraph, forest: Forest, level: float = 0.0, rest: Rest = NO_REST
+) -> tuple[Ints32, bool]:
     """Which regions become one.
+
+    With r rooms of the lines a question counts as 1 + r / 1000: all rooms of both regions are compared.
 
     Args:
         graph: The regions; not changed.
@@ -218,15 +222,8 @@ def merge_regions(graph: RegionGraph, forest: Forest, *, level: float = 0.0, res
         rest: What is too small to stay by itself then.
 
     Returns:
-        int32 (k + 1,), the region that each region is merged into (itself for the first of each room).
-    """
-    return merge_within(graph, forest, level, rest)[0]
-
-
-def merge_within(graph: RegionGraph, forest: Forest, level: float, rest: Rest) -> tuple[Ints32, bool]:
-    """`merge_regions`, and whether the questions have sufficed.
-
-    With r rooms of the lines a question counts as 1 + r / 1000: all rooms of both regions are compared.
+        int32 (k + 1,), the region that each region is merged into (itself for the first of each room); and
+        whether the questions have sufficed.
     """
     into, _, _, done = _agglomerate(
         graph.ends.copy(), _tables(graph), _bounded(graph, forest, rest), level, NO_SAMPLES, empty_record()

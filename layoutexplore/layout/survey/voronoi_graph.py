@@ -26,7 +26,11 @@ def contour_cells(free: Mask) -> Ints32:
     return np.ascontiguousarray(cells[np.sort(first)], np.int32)
 
 
-def voronoi_graph(free: Mask, sites: Ints32, *, passes: int = 100) -> Bytes:
+PASSES = 100
+"""Of the pruning of spurs."""
+
+
+def voronoi_graph(free: Mask, sites: Ints32) -> Bytes:
     """Cells of the pruned Voronoi graph, uint8 (rows, cols).
 
     Edges are drawn whose ends both lie in the opened and twice eroded free space; then ends of spurs are
@@ -35,14 +39,13 @@ def voronoi_graph(free: Mask, sites: Ints32, *, passes: int = 100) -> Bytes:
     Args:
         free: bool (rows, cols).
         sites: int32 (n, 2), the cells whose graph it is, as (row, col).
-        passes: Of the pruning.
     """
     image = np.pad(free.astype(np.uint8), 1)
     square = np.ones((3, 3), np.uint8)
     inner = cv2.erode(cv2.morphologyEx(image, cv2.MORPH_OPEN, square), square, iterations=2)[1:-1, 1:-1]
     graph = np.zeros((free.shape[0] + 2, free.shape[1] + 2), np.uint8)
     _draw_edges(voronoi_edges(sites, free.shape), np.ascontiguousarray(cast("Bytes", inner)), graph)
-    _prune(graph, passes)
+    _prune(graph, PASSES)
     return np.ascontiguousarray(graph[1:-1, 1:-1])
 
 

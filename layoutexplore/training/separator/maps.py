@@ -8,9 +8,7 @@ from __future__ import annotations
 import warnings
 import zlib
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +21,7 @@ from layoutexplore.layout.merging.separator.planes import KINDS as PLANES
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator import FAMILIES, generate
-from layoutexplore.processes import end_with_parent, single_threaded
+from layoutexplore.plugins.transport import worker_pool
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.fit import LARGEST
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
@@ -79,10 +77,7 @@ def _examples_of_plans(
     if not workers:
         yield from map(work, range(count))
         return
-    with (
-        single_threaded(),
-        ProcessPoolExecutor(workers, get_context("spawn"), initializer=end_with_parent) as pool,
-    ):
+    with worker_pool(workers) as pool:
         yield from pool.map(work, range(count))
 
 

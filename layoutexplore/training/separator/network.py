@@ -14,6 +14,7 @@ from torch import nn
 from torch.nn import functional
 from torch.utils.data import DataLoader, Dataset
 
+from layoutexplore.agents.rl.networks.training_state import chosen_device
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.layout.merging.separator.network import LAYERS, OUTPUTS, OUTSIDE, THING
@@ -22,13 +23,7 @@ from layoutexplore.training.separator.crops import stacked_crops
 from layoutexplore.training.separator.examples import SeparatorExample
 from layoutexplore.training.separator.maps import mark_of, separator_examples
 from layoutexplore.training.separator.targets import as_input, targets_of
-from layoutexplore.training.torch_layers import (
-    Convolution,
-    StepProgress,
-    chosen_device,
-    fit_network,
-    plain_weights,
-)
+from layoutexplore.training.torch_layers import Convolution, StepProgress, fit_network, plain_weights
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -58,6 +58,19 @@ class Silent:
         self.steps = steps
 
 
+def train(
+    config: TrainingConfig, folder: Path, *, resume: bool = False, watcher: Silent | None = None
+) -> Any:
+    """A whole run in a folder."""
+    from layoutexplore.agents.rl.tour_search.search import SearchRun
+    from layoutexplore.agents.rl.training import Run
+
+    make = SearchRun if config.search else Run
+    run = make(config, folder, device="cpu", resume=resume, watcher=watcher or Silent())
+    run.train()
+    return run
+
+
 def write_config(path: Path, **changes: Any) -> Path:
     """The small configuration, with some tables changed, as a file."""
     table = dict(SMALL)

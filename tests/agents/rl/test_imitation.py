@@ -11,7 +11,6 @@ pytest.importorskip("sb3_contrib")
 pytest.importorskip("tensorboard")
 
 
-from layoutexplore.agents.rl.hyperparameters import TrainingConfig  # noqa: E402
 from layoutexplore.agents.rl.imitation import Demonstrations, attend, imitate  # noqa: E402
 from layoutexplore.agents.rl.networks.actor_critic import Actor  # noqa: E402
 from layoutexplore.agents.rl.training import Run  # noqa: E402
@@ -21,15 +20,7 @@ from layoutexplore.errors import ConfigError  # noqa: E402
 from layoutexplore.frontiers.decision import STOP, Decision  # noqa: E402
 from layoutexplore.simulation.episode import play  # noqa: E402
 from layoutexplore.simulation.simulation import Simulation  # noqa: E402
-from tests.agents.rl.cases import Silent, small_config  # noqa: E402
-
-
-def train(
-    config: TrainingConfig, folder: Path, *, resume: bool = False, watcher: Silent | None = None
-) -> Run:
-    run = Run(config, folder, device="cpu", resume=resume, watcher=watcher or Silent())
-    run.train()
-    return run
+from tests.agents.rl.cases import Silent, small_config, train  # noqa: E402
 
 
 def test_imitation_comes_to_agree(tmp_path: Path) -> None:

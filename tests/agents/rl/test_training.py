@@ -20,19 +20,11 @@ import safetensors.torch  # noqa: E402
 
 from layoutexplore.agents import make_agent  # noqa: E402
 from layoutexplore.agents.rl.checkpoint import FILE  # noqa: E402
-from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
+from layoutexplore.agents.rl.hyperparameters import read_config  # noqa: E402
 from layoutexplore.agents.rl.training import Run  # noqa: E402
 from layoutexplore.agents.rl.vector import VectorAdapter  # noqa: E402
 from layoutexplore.errors import ConfigError, LayoutExploreError, ResultsError  # noqa: E402
-from tests.agents.rl.cases import Silent, small_config, write_config  # noqa: E402
-
-
-def train(
-    config: TrainingConfig, folder: Path, *, resume: bool = False, watcher: Silent | None = None
-) -> Run:
-    run = Run(config, folder, device="cpu", resume=resume, watcher=watcher or Silent())
-    run.train()
-    return run
+from tests.agents.rl.cases import Silent, small_config, train, write_config  # noqa: E402
 
 
 def tensors(folder: Path) -> dict[str, Any]:
@@ -107,11 +99,11 @@ def test_a_run_is_not_overwritten(trained: Path, tmp_path: Path) -> None:
 def test_small_networks_stay_on_the_processor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
-    def note(device: str) -> Any:
+    def note(device: str) -> str:
         asked.append(device)
-        return torch.device("cpu")
+        return "cpu"
 
-    monkeypatch.setattr("layoutexplore.agents.rl.training.get_device", note)
+    monkeypatch.setattr("layoutexplore.agents.rl.training.chosen_device", note)
     for device in ("auto", "cuda"):
         monkeypatch.setattr(torch.cuda, "is_available", lambda: True)
         Run(small_config(tmp_path), tmp_path / device, device=device, resume=False, watcher=Silent())

@@ -37,7 +37,7 @@ from layoutexplore.metrics.exploration import score_curve  # noqa: E402
 from layoutexplore.simulation.config import SimulationConfig  # noqa: E402
 from layoutexplore.simulation.episode import play  # noqa: E402
 from layoutexplore.simulation.simulation import Simulation  # noqa: E402
-from tests.agents.rl.cases import SMALL_SEARCH, Silent  # noqa: E402
+from tests.agents.rl.cases import SMALL_SEARCH, Silent, train  # noqa: E402
 
 
 def small_config(tmp_path: Path, **changes: Any) -> TrainingConfig:
@@ -46,18 +46,10 @@ def small_config(tmp_path: Path, **changes: Any) -> TrainingConfig:
     return read_config(path)
 
 
-def search(
-    config: TrainingConfig, folder: Path, *, resume: bool = False, watcher: Silent | None = None
-) -> SearchRun:
-    run = SearchRun(config, folder, device="cpu", resume=resume, watcher=watcher or Silent())
-    run.train()
-    return run
-
-
 @pytest.fixture(scope="module")
 def searched(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("searched")
-    search(small_config(folder), folder / "run")
+    train(small_config(folder), folder / "run")
     return folder / "run"
 
 
@@ -83,7 +75,7 @@ def test_a_resumed_search_is_the_one_that_was_never_stopped(
     """However much of the file of explorations a kill has left."""
     text = (searched / EXPLORATIONS).read_bytes()
     (tmp_path / EXPLORATIONS).write_bytes(text[: int(kept * len(text))])
-    run = search(small_config(tmp_path), tmp_path, resume=True)
+    run = train(small_config(tmp_path), tmp_path, resume=True)
     assert (tmp_path / EXPLORATIONS).read_bytes() == text
     expected, found = (load_actor(folder / "policy.safetensors") for folder in (searched, tmp_path))
     assert expected[1] == found[1] and run.tour == found[1].tour
@@ -98,7 +90,7 @@ def test_ctrl_c_leaves_whole_groups(tmp_path: Path) -> None:
             super().advance(steps, total)
             os.kill(os.getpid(), signal.SIGINT)
 
-    run = search(small_config(tmp_path), tmp_path / "run", watcher=Impatient())
+    run = train(small_config(tmp_path), tmp_path / "run", watcher=Impatient())
     assert run.stopping and run.steps == 4
     assert len(read_explorations(tmp_path / "run" / EXPLORATIONS, 4)) == 4
     assert getattr(make_agent(f"policy:{tmp_path / 'run'}"), "predictor", "") == "none"
