@@ -170,12 +170,13 @@ def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str
     from layoutexplore.maps.library import shows_rooms
 
     if shows_rooms(source):
+        plan = load_plan(source, resolution=config.resolution, columns=columns)  # else it has no rooms
         config.check_unused(source)
         if rooms != "default":
             raise ConfigError(
                 f"{source} has rooms of its own: --rooms, which finds them, means nothing for it"
             )
-        return building_of_plan(load_plan(source, resolution=config.resolution, columns=columns))
+        return building_of_plan(plan)
     if columns:
         raise ConfigError(f"{source} is a picture: --column is for GeoJSON")
     return import_building(source, config, method=rooms)

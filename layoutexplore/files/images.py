@@ -46,7 +46,10 @@ def read_levels(path: Path, *, error: Kind = MapError) -> Levels:
     data = read_bytes(path, error, "image")
     size = declared_size(data)
     if size is None:
-        raise error(f"{path}: not an image, or a damaged one: PNG, JPEG, BMP, TIFF and PNM (.pgm) are read")
+        raise error(
+            f"{path}: not an image, or a damaged one: PNG, JPEG, BMP, TIFF and PNM (.pgm) are read; save what "
+            "is of another kind as PNG"
+        )
     width, height = size
     if width * height > limits().image_pixels:
         raise error(
