@@ -120,8 +120,8 @@ def save_run(
 ) -> list[Path]:
     """Write map, track, curve, pictures and layouts (by percent seen) of a run; the files written.
 
-    Unless the run goes on from a saved one, pictures and layouts of an earlier run in the folder that this one
-    has not are deleted: they would pass for its own.
+    Unless the run goes on from a saved one, pictures and layouts of an earlier run in the folder that this
+    one has not are deleted: they would pass for its own.
     """
     import io
     import json

@@ -200,8 +200,8 @@ def _find_image(path: Path, named: str, anywhere: bool) -> Path:
         return image
     raise MapError(
         f"{path}: its image {named} lies in another folder: put it beside the YAML, or allow it with "
-        "image_anywhere=True (on the command line, `layoutexplore maps import --image-anywhere` makes a floor "
-        "plan of it that every command takes)"
+        "image_anywhere=True (on the command line, `layoutexplore maps import --image-anywhere` makes a "
+        "floor plan of it that every command takes)"
     )
 
 

@@ -111,12 +111,8 @@ def load_osm(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     building = _read(path)
     levels, unplaced = _levels(building, path), sum(way.is_room and not way.levels for way in building.ways)
     if not levels:
-        lack = (
-            f"none of its {unplaced} rooms has a level in numbers (tag level=0)"
-            if unplaced
-            else "it has no rooms"
-        )
-        raise MapError(f"{path}: no floor in this file: {lack}")
+        lack = f"none of its {unplaced} rooms has a level in numbers (tag level=0)"
+        raise MapError(f"{path}: no floor in this file: {lack if unplaced else 'it has no rooms'}")
     name = choose_level(path, level, levels)
     dropped = Dropped(f"{path}#{name}")
     for _ in range(unplaced):
