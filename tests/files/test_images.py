@@ -46,6 +46,15 @@ def test_a_photo_is_turned_as_viewers_show_it(tmp_path: Path, orientation: int, 
         np.testing.assert_array_equal(found > 127, np.rot90(MARK, turns) > 127)
 
 
+@pytest.mark.parametrize(("rows", "cols"), [(4000, 4000), (4032, 3024)])
+def test_maps_of_gmapping_as_it_comes_and_photos_of_phones_are_read(
+    tmp_path: Path, rows: int, cols: int
+) -> None:
+    path = tmp_path / "large.pgm"
+    cv2.imwrite(str(path), np.full((rows, cols), 205, np.uint8))
+    assert read_pixels(path).shape == (rows, cols)
+
+
 def test_headers_of_blanks_and_remarks_take_no_time() -> None:
     assert declared_size(b"P5" + b" " * 4000 + b"x") is None
     assert declared_size(b"P5" + b"#\n" * 1000 + b"x") is None
