@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -141,9 +142,10 @@ def save_run(
         np.savetxt(text, table, digits, ",", header=header, comments="")
         write_atomically(folder / f"{name}.csv", text.getvalue().encode())
     told = {percent: json.dumps(layout) + "\n" for percent, layout in watcher.layouts.items()}
-    made: dict[str, bytes | str] = {
+    kinds: tuple[Mapping[int, bytes | str], ...] = (watcher.pictures, watcher.priors, told)
+    made = {
         name.format(percent): content
-        for name, contents in zip(QUARTERLY, (watcher.pictures, watcher.priors, told), strict=True)
+        for name, contents in zip(QUARTERLY, kinds, strict=True)
         for percent, content in contents.items()
     }
     for name, content in made.items():

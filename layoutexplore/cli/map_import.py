@@ -116,10 +116,10 @@ def import_plan(
     if picture is not None:
         write_atomically(picture, encode_png(draw_findings(building.plan, findings)))
     for line in _summary(out, picture, building.plan, findings):
-        typer.echo(line)
+        typer.echo(line, err=picture is None)  # OUT may be the standard output
     radius = GOAL_RADIUS if robot_radius is None else robot_radius
     for path in [] if robot is None else write_robot_files(building, robot, radius=radius):
-        typer.echo(f"wrote {path}")
+        typer.echo(f"wrote {path}", err=picture is None)
 
 
 def _picture_place(source: Path, out: Path, robot: Path | None) -> Path | None:

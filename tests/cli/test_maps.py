@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -198,3 +200,16 @@ def test_a_file_of_no_known_kind_is_said_to_be_one_whatever_is_asked(tmp_path: P
             invoke("import", str(tmp_path / name), *words, "--out", str(tmp_path / "mine.geojson"))
     with pytest.raises(MapError, match="no such file"):
         invoke("import", str(tmp_path / "no.osm"), "--blueprint", "--out", str(tmp_path / "mine.geojson"))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /dev/stdout")
+def test_what_goes_to_the_standard_output_can_be_piped_on(tmp_path: Path) -> None:
+    source = write_houseexpo(tmp_path)
+    for words in (["import", str(source)], ["generate", "apartment", "--seed", "1"], ["show", "office-01"]):
+        command = [sys.executable, "-m", "layoutexplore", "maps", *words, "--out", "/dev/stdout"]
+        done = subprocess.run(command, capture_output=True, check=True)
+        if words[0] == "show":
+            assert done.stdout.startswith(b"\x89PNG") and done.stdout.endswith(b"IEND\xaeB`\x82")
+        else:
+            assert json.loads(done.stdout)["type"] == "FeatureCollection"
+        assert b"m2" in done.stderr
