@@ -46,6 +46,7 @@ OWN_SCALE = "brings its own scale: --resolution and --scale-by are for images an
 MOST_SEEDS = 100_000
 """So many generated floor plans FAMILY:FIRST-LAST may name."""
 
+_OF_RUN = re.compile(r"(seen|prior|rooms)_\d{3}\.(png|geojson)")  # beside the track.csv of `explore --out`
 _SEEDS = re.compile(r"([a-z_]+):(\d+)(?:-(\d+))?")
 
 
@@ -345,7 +346,8 @@ def _expand_seeds(family: str, first: int, last: int) -> list[str]:
 def _is_plan(path: Path) -> bool:
     """Whether a file of a folder is a floor plan of its own, not a part of another or something else."""
     suffix = path.suffix.lower()
-    if not path.is_file() or suffix not in SUFFIXES or path.name.startswith("."):
+    of_run = _OF_RUN.fullmatch(path.name) and is_file(path.with_name("track.csv"))
+    if not path.is_file() or suffix not in SUFFIXES or path.name.startswith(".") or of_run:
         return False
     if suffix == ".json":
         return not path.stem.endswith(SIDECARS) and _is_json_plan(path)

@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from layoutexplore import cli
+from layoutexplore.maps import expand_plans
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.simulation.saved_run import read_saved_run
 from tests.plans import offices
@@ -74,6 +75,8 @@ def test_a_folder_holds_the_pictures_of_one_run(plan: str, tmp_path: Path) -> No
 
 def test_a_run_is_not_written_over_rooms_that_it_reads(plan: str, tmp_path: Path) -> None:
     explore(plan, "--sensor", "indoor", "--agent", "layout-tour", "--out", str(tmp_path))
+    # In a folder of floor plans, they and the pictures are none.
+    assert expand_plans(tmp_path) == [str(tmp_path / "map.yaml")]
     rooms = tmp_path / "rooms_100.geojson"
     result = RUNNER.invoke(cli.app, ["explore", str(rooms), "--agent", "layout-tour", "--out", str(tmp_path)])
     assert "rooms_100.geojson is read and would be written over" in str(result.exception)
