@@ -28,6 +28,9 @@ from layoutexplore.maps.tracing import LEAST_ROOM, plan_from_raster
 ASSUMED = "assumed: the image has no scale"
 """Of a scale that nobody gave."""
 
+NO_FLOOR = "the map shows no free space (what is transparent is unknown: lay a drawing on white)"
+"""What is said of a map or an image without floor."""
+
 LABELS_ENDING = "_labels"
 """What the name of the room numbers ends with that `layoutexplore layout` writes."""
 
@@ -51,7 +54,7 @@ def load_image(path: str | os.PathLike[str], *, resolution: float | None = None)
         return _load_labels(path, resolution)
     known = load_grid(path, resolution=resolution).trinary
     if not known.free.any():
-        raise MapError(f"{path}: the map shows no free space")
+        raise MapError(f"{path}: {NO_FLOOR}")
     grid = without_outside(known)
     metadata = {"format": "image" if path.suffix.lower() in IMAGE_SUFFIXES else "ROS map"}
     if path.suffix.lower() in IMAGE_SUFFIXES:

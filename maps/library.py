@@ -46,6 +46,7 @@ OWN_SCALE = "brings its own scale: --resolution and --scale-by are for images an
 MOST_SEEDS = 100_000
 """So many generated floor plans FAMILY:FIRST-LAST may name."""
 
+_OF_RUN = re.compile(r"(seen|prior|rooms)_\d{3}\.(png|geojson)")  # beside the track.csv of `explore --out`
 _SEEDS = re.compile(r"([a-z_]+):(\d+)(?:-(\d+))?")
 
 
@@ -127,7 +128,10 @@ def _loader(
         return load_kth
     if suffix in (*IMAGE_SUFFIXES, *YAML_SUFFIXES):
         return lambda path: load_image(path, resolution=resolution)
-    raise MapError(f"{path}: no known format of floor plans; known endings: {', '.join(SUFFIXES)}")
+    raise MapError(
+        f"{path}: no known format of floor plans; known endings: {', '.join(SUFFIXES)}; of a PDF, a drawing "
+        "(DXF, DWG, SVG) or a picture of another kind, a PNG can be read"
+    )
 
 
 @checks_arguments
@@ -262,7 +266,7 @@ def expand_plans(spec: str | os.PathLike[str]) -> list[str]:
         MapError: No such file, or a folder without floor plans.
 
     Warns:
-        MapWarning: A GeoJSON of a folder holds lines and points only and is left out.
+        MapWarning: A file of a folder is left out: a GeoJSON of lines and points only, one without a floor.
     """
     check_kind("a floor plan", spec, str, os.PathLike)
     text = os.fspath(spec)
@@ -276,7 +280,7 @@ def expand_plans(spec: str | os.PathLike[str]) -> list[str]:
     if not is_there(path):
         raise _missing(text)
     if building_format(path):
-        return [text] if level else floors_of(path)
+        return [text] if level else floors_of(path) or [text]  # who loads one without floors says so
     if path.is_dir():
         found = _plans_in(path)
         if not found:
@@ -289,17 +293,15 @@ def _plans_in(folder: Path) -> list[str]:
     """The floor plans of a folder, every floor of those that hold several."""
     found = []
     for path in _files_in(folder):
+        plans, why_none = list[str](), ""
         if building_format(path):
-            found += floors_of(path)
+            plans, why_none = floors_of(path), "no floor is in it"
         elif building_format(path.parent) is None and _is_plan(path):
-            if _is_without_areas(path):
-                warnings.warn(
-                    f"{path}: left out: its features are lines or points, so that it is no floor plan",
-                    MapWarning,
-                    stacklevel=4,
-                )
-            else:
-                found.append(str(path))
+            plans = [] if _is_without_areas(path) else [str(path)]
+            why_none = "its features are lines or points, so that it is no floor plan"
+        if why_none and not plans:
+            warnings.warn(f"{path}: left out: {why_none}", MapWarning, stacklevel=4)
+        found += plans
     return found
 
 
@@ -344,7 +346,8 @@ def _expand_seeds(family: str, first: int, last: int) -> list[str]:
 def _is_plan(path: Path) -> bool:
     """Whether a file of a folder is a floor plan of its own, not a part of another or something else."""
     suffix = path.suffix.lower()
-    if not path.is_file() or suffix not in SUFFIXES or path.name.startswith("."):
+    of_run = _OF_RUN.fullmatch(path.name) and is_file(path.with_name("track.csv"))
+    if not path.is_file() or suffix not in SUFFIXES or path.name.startswith(".") or of_run:
         return False
     if suffix == ".json":
         return not path.stem.endswith(SIDECARS) and _is_json_plan(path)

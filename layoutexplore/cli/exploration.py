@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
 SAVED_EVERY = 1.0
 """Seconds between two states of a run in its file; a run that is ended in between goes on from the last."""
+
+QUARTERLY = ("seen_{:03}.png", "prior_{:03}.png", "rooms_{:03}.geojson")
+"""Files of a run at every quarter, by percent seen: pictures, a plan known beforehand, the rooms believed."""
 
 
 class RunWatcher:
@@ -112,8 +116,14 @@ def prior_of(state: Simulation) -> PriorPredictor | None:
     return predictor if isinstance(predictor, PriorPredictor) else None
 
 
-def save_run(folder: Path, simulation: Simulation, watcher: RunWatcher) -> list[Path]:
-    """Write map, track, curve, pictures and layouts (by percent seen) of a run; the files written."""
+def save_run(
+    folder: Path, simulation: Simulation, watcher: RunWatcher, *, goes_on: bool = False
+) -> list[Path]:
+    """Write map, track, curve, pictures and layouts (by percent seen) of a run; the files written.
+
+    Unless the run goes on from a saved one, pictures and layouts of an earlier run in the folder that this
+    one has not are deleted: they would pass for its own.
+    """
     import io
     import json
 
@@ -122,7 +132,6 @@ def save_run(folder: Path, simulation: Simulation, watcher: RunWatcher) -> list[
     from layoutexplore.files import write_atomically
     from layoutexplore.grids.ros_map import save_grid
 
-    pictures, layouts = watcher.pictures, watcher.layouts
     save_grid(simulation.mapper.grid, folder / "map.yaml")
     tables = {
         "track": (simulation.track, "%.4f", "x,y,theta"),
@@ -132,16 +141,23 @@ def save_run(folder: Path, simulation: Simulation, watcher: RunWatcher) -> list[
         text = io.StringIO()
         np.savetxt(text, table, digits, ",", header=header, comments="")
         write_atomically(folder / f"{name}.csv", text.getvalue().encode())
-    for percent, picture in pictures.items():
-        write_atomically(folder / f"seen_{percent:03}.png", picture)
-    for percent, picture in watcher.priors.items():
-        write_atomically(folder / f"prior_{percent:03}.png", picture)
-    for percent, layout in layouts.items():
-        write_atomically(folder / f"rooms_{percent:03}.geojson", json.dumps(layout) + "\n")
-    names = ["map.yaml", "track.csv", "curve.csv", *(f"seen_{percent:03}.png" for percent in pictures)]
-    names += [f"prior_{percent:03}.png" for percent in watcher.priors]
-    names += [f"rooms_{percent:03}.geojson" for percent in layouts]
-    return [folder / name for name in names]
+    told = {percent: json.dumps(layout) + "\n" for percent, layout in watcher.layouts.items()}
+    kinds: tuple[Mapping[int, bytes | str], ...] = (watcher.pictures, watcher.priors, told)
+    made = {
+        name.format(percent): content
+        for name, contents in zip(QUARTERLY, kinds, strict=True)
+        for percent, content in contents.items()
+    }
+    for name, content in made.items():
+        write_atomically(folder / name, content)
+    for name in () if goes_on else sorted(set(_quarterly_names()) - set(made)):
+        (folder / name).unlink(missing_ok=True)
+    return [folder / name for name in ("map.yaml", "track.csv", "curve.csv", *made)]
+
+
+def _quarterly_names() -> list[str]:
+    """The names of all files that a run may have for its quarters."""
+    return [name.format(percent) for name in QUARTERLY for percent in range(0, 101, 25)]
 
 
 def check_run_files(sources: list[str], folder: Path | None, state: Path | None) -> None:
@@ -155,7 +171,8 @@ def check_run_files(sources: list[str], folder: Path | None, state: Path | None)
 
     kept = [file for source in sources for file in source_files(source)]
     if folder is not None:
-        check_kept([folder / name for name in ("map.yaml", "map.pgm")], kept)
+        names = ("map.yaml", "map.pgm", "track.csv", "curve.csv", *_quarterly_names())
+        check_kept([folder / name for name in names], kept)
     if state is not None:
         check_file(state, suffixes=(".npz",), option="--save-state", kept=kept)
 

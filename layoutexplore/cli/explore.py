@@ -171,7 +171,8 @@ def explore(
     back = way_home(simulation) if returns and simulation.done else ""
     console.print(summary(row, filmed=video is not None, back=back, prior=watcher.belief(simulation)))
     written = [path for path in (video, save_state) if path]
-    for path in (*written, *(save_run(out, simulation, watcher) if out else ())):
+    written += save_run(out, simulation, watcher, goes_on=saved is not None) if out else []
+    for path in written:
         console.print(f"wrote {path}", soft_wrap=True)
 
 

@@ -158,7 +158,7 @@ def _reconstruct(item: tuple[Path, str, PictureConfig, Path]) -> dict[str, Any]:
 
     from layoutexplore.drawing.layouts import draw_layout
     from layoutexplore.files import write_atomically
-    from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, encode_png
+    from layoutexplore.grids.ros_map import YAML_SUFFIXES, encode_png
     from layoutexplore.importing.layout_files import layout_with_doors
     from layoutexplore.importing.pictures import read_picture
     from layoutexplore.layout.pipeline import reconstruct
@@ -178,7 +178,7 @@ def _reconstruct(item: tuple[Path, str, PictureConfig, Path]) -> dict[str, Any]:
         "room_area": round(sum(room.area for room in found.rooms), 3),
         "free_area": round(sum(found.free_areas.values()), 3),
         "structure_score": None if np.isnan(found.structure_score) else round(found.structure_score, 4),
-        "scale": said_scale(config.resolution) if path.suffix.lower() in IMAGE_SUFFIXES else "",
+        "scale": "" if path.suffix.lower() in YAML_SUFFIXES else said_scale(config.resolution),
         "ms": round(1000 * found.seconds, 2),
         "timings": {stage: round(1000 * seconds, 3) for stage, seconds in found.timings.items()},
         "warnings": list(found.warnings),

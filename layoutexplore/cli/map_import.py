@@ -116,10 +116,10 @@ def import_plan(
     if picture is not None:
         write_atomically(picture, encode_png(draw_findings(building.plan, findings)))
     for line in _summary(out, picture, building.plan, findings):
-        typer.echo(line)
+        typer.echo(line, err=picture is None)  # OUT may be the standard output
     radius = GOAL_RADIUS if robot_radius is None else robot_radius
     for path in [] if robot is None else write_robot_files(building, robot, radius=radius):
-        typer.echo(f"wrote {path}")
+        typer.echo(f"wrote {path}", err=picture is None)
 
 
 def _picture_place(source: Path, out: Path, robot: Path | None) -> Path | None:
@@ -170,12 +170,13 @@ def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str
     from layoutexplore.maps.library import shows_rooms
 
     if shows_rooms(source):
+        plan = load_plan(source, resolution=config.resolution, columns=columns)  # else it has no rooms
         config.check_unused(source)
         if rooms != "default":
             raise ConfigError(
                 f"{source} has rooms of its own: --rooms, which finds them, means nothing for it"
             )
-        return building_of_plan(load_plan(source, resolution=config.resolution, columns=columns))
+        return building_of_plan(plan)
     if columns:
         raise ConfigError(f"{source} is a picture: --column is for GeoJSON")
     return import_building(source, config, method=rooms)

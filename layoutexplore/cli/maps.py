@@ -68,18 +68,19 @@ def show_plan(
     ] = 0.2,
 ) -> None:
     """Show what a floor plan holds: rooms, doors, area, and what a robot can reach."""
-    from layoutexplore.files import check_file
+    from layoutexplore.files import check_file, is_special
     from layoutexplore.maps import load_plan
     from layoutexplore.maps.library import source_files
 
     if out is not None:
         check_file(out, suffixes=(".png",), kept=source_files(plan))
     loaded = load_plan(plan)
+    is_pipe = out is not None and is_special(out)
     for line in _describe(loaded, resolution, radius):
-        typer.echo(line)
+        typer.echo(line, err=is_pipe)
     if out is not None:
         _draw(loaded, resolution, out)
-        typer.echo(f"drawn into {out}")
+        typer.echo(f"drawn into {out}", err=is_pipe)
 
 
 @group.command("generate", epilog="Example: layoutexplore maps generate school --seed 3 --out school.geojson")
@@ -91,7 +92,7 @@ def generate_plan(
 ) -> None:
     """Generate a floor plan."""
     from layoutexplore.errors import counted
-    from layoutexplore.files import check_file
+    from layoutexplore.files import check_file, is_special
     from layoutexplore.maps.generator import generate
     from layoutexplore.maps.geojson import SUFFIXES, save_plan
 
@@ -99,7 +100,7 @@ def generate_plan(
     plan = generate(family, seed) if area is None else generate(family, seed, area=area)
     save_plan(plan, out)
     rooms, doors = counted(len(plan.rooms), "room"), counted(len(plan.doors), "door")
-    typer.echo(f"{out}: {plan.name}, {rooms}, {doors}, {plan.area:.0f} m2")
+    typer.echo(f"{out}: {plan.name}, {rooms}, {doors}, {plan.area:.0f} m2", err=is_special(out))
 
 
 def _describe(plan: FloorPlan, resolution: float, radius: float) -> list[str]:

@@ -16,7 +16,11 @@ from layoutexplore.errors import MapError
 from layoutexplore.files.limits import limits, raise_it
 from layoutexplore.files.reading import Kind, read_bytes
 
-_PNM = re.compile(rb"P[1-6](?:\s+|#[^\n\r]*[\n\r])+(\d+)(?:\s+|#[^\n\r]*[\n\r])+(\d+)")
+_GAP = rb"(?:\s|#[^\n\r]*[\n\r])++"
+_PNM = re.compile(rb"P[1-6]" + _GAP + rb"(\d+)" + _GAP + rb"(\d+)")
+_PNM_WHITE = re.compile(rb"P([2356])" + _GAP + rb"\d+" + _GAP + rb"\d+" + _GAP + rb"(\d{1,5})\s")
+"""Headers of the PNM family; kind, and level of white of those that declare one."""
+
 _FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Markers of a JPEG file behind which its size stands."""
 
@@ -27,26 +31,39 @@ Levels = NDArray[np.uint8] | NDArray[np.uint16]
 def read_pixels(path: Path) -> NDArray[np.uint8]:
     """The pixels uint8 (h, w) or (h, w, channels) of an image file; of 16 bits the upper eight.
 
+    White is 255, also where a file of the PNM family declares another level for it.
+
     Raises:
         LayoutExploreError: As `read_levels` does.
     """
-    pixels = read_levels(path)
+    pixels, white = _read(path, MapError)
+    if white is not None:
+        return np.rint(np.minimum(pixels, white) * (255.0 / white)).astype(np.uint8)
     return (pixels // 257 if pixels.dtype == np.uint16 else pixels).astype(np.uint8, copy=False)
 
 
 def read_levels(path: Path, *, error: Kind = MapError) -> Levels:
     """The pixels uint8 or uint16 (h, w) or (h, w, channels) of an image file as they are stored.
 
-    PNG, JPEG, BMP, TIFF and the PNM family are read, whatever the file's ending.
+    PNG, JPEG, BMP, TIFF and the PNM family are read, whatever the file's ending. A photo that notes how the
+    camera was held (JPEG) is turned as viewers show it.
 
     Raises:
         LayoutExploreError: Of the kind `error`: it cannot be read, is none of these or damaged, has more
             pixels than the limit, or pixels of neither 8 nor 16 bits.
     """
+    return _read(path, error)[0]
+
+
+def _read(path: Path, error: Kind) -> tuple[Levels, int | None]:
+    """The pixels as they are stored, and the level of white that `_white` finds."""
     data = read_bytes(path, error, "image")
     size = declared_size(data)
     if size is None:
-        raise error(f"{path}: not an image, or a damaged one: PNG, JPEG, BMP, TIFF and PNM (.pgm) are read")
+        raise error(
+            f"{path}: not an image, or a damaged one: PNG, JPEG, BMP, TIFF and PNM (.pgm) are read; save "
+            "what is of another kind as PNG"
+        )
     width, height = size
     if width * height > limits().image_pixels:
         raise error(
@@ -58,16 +75,25 @@ def read_levels(path: Path, *, error: Kind = MapError) -> Levels:
         raise error(f"{path}: not an image, or a damaged one")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise error(f"{path}: images of {pixels.dtype} pixels are not supported; use 8 or 16 bits")
-    deep: Levels = pixels
-    return deep
+    return pixels, _white(data)
+
+
+def _white(data: bytes) -> int | None:
+    """The level of white that a PNM file declares; None where OpenCV heeds it or it is the usual one."""
+    match = _PNM_WHITE.match(data[:4096])
+    white = int(match[2]) if match else 0
+    is_heeded = match is not None and match[1] in b"23" and white < 256  # of texts with levels of 8 bits
+    return None if white in (0, 255, 65535) or is_heeded else white
 
 
 def _decoded(data: bytes) -> Any:
     import cv2
 
+    as_stored, as_shown = cv2.IMREAD_UNCHANGED, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
+    is_photo = data.startswith(b"\xff\xd8")
     with _silent_opencv():
         try:
-            return cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+            return cv2.imdecode(np.frombuffer(data, np.uint8), as_shown if is_photo else as_stored)
         except Exception:  # OpenCV's own, and that of memory
             return None
 

@@ -21,7 +21,7 @@ VARIABLE = "LAYOUTEXPLORE_LIMITS"
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """How large the files may be that are read; each default holds the largest known public data many times.
+    """How large the files may be that are read; each default holds the largest known public data.
 
     Attributes:
         file_mb: Megabytes of any file: images, archives of arrays, weights, tables.
@@ -29,7 +29,8 @@ class Limits:
         settings_mb: Megabytes of a YAML or TOML document.
         depth: Lists and tables inside each other.
         nodes: Values of a document.
-        image_pixels: Pixels that an image declares, and cells that a floor plan needs.
+        image_pixels: Pixels that an image declares, and cells that a floor plan needs. The maps that gmapping
+            makes as it comes have 1.6e7, photos of usual phones 1.2e7 and a little more.
         array_mb: Megabytes of all arrays of an archive when they are unpacked.
         rooms: Rooms of a floor plan, and doors.
         room_ids: The highest number that a room may have; tables by these numbers are as long as it.
@@ -43,7 +44,7 @@ class Limits:
     settings_mb: float = 2.0
     depth: float = 50.0
     nodes: float = 2e6
-    image_pixels: float = 1.2e7
+    image_pixels: float = 2.5e7
     array_mb: float = 512.0
     rooms: float = 5e3
     room_ids: float = 1e5

@@ -92,10 +92,10 @@ def _check_regular(mode: int, path: Path, error: Kind, what: str) -> None:
 
 @checks_arguments
 def read_text(path: Path, error: Kind, what: str = "file", *, limit: str = "file_mb") -> str:
-    """The content of a regular UTF-8 file; see `read_bytes`."""
+    """The content of a regular UTF-8 file, without the mark that Windows begins it with; see `read_bytes`."""
     data = read_bytes(path, error, what, limit=limit)
     try:
-        return data.decode("utf-8")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as problem:
         raise error(
             f"{path} is damaged or no text in UTF-8: byte {problem.start} of the {what} is "

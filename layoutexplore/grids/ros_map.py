@@ -200,7 +200,8 @@ def _find_image(path: Path, named: str, anywhere: bool) -> Path:
         return image
     raise MapError(
         f"{path}: its image {named} lies in another folder: put it beside the YAML, or allow it with "
-        "image_anywhere (--image-anywhere)"
+        "image_anywhere=True (on the command line, `layoutexplore maps import --image-anywhere` makes a "
+        "floor plan of it that every command takes)"
     )
 
 
@@ -232,6 +233,7 @@ def _parse(path: Path, image_anywhere: bool) -> _RosMap:
     if not isinstance(origin, list) or len(origin) != 3:
         raise MapError(f"{path}: origin must be [x, y, yaw], got {shortened(origin)}")
     mode = data.get("mode", "trinary")
+    mode = mode.lower() if isinstance(mode, str) else mode  # as nav2 takes it
     if mode not in MODES:
         raise MapError(f"{path}: mode must be one of {', '.join(MODES)}, got {shortened(mode)}")
     entries = _RosMap(

@@ -18,7 +18,7 @@ from layoutexplore.importing.findings import resolution_for
 from layoutexplore.importing.pictures import PictureConfig, read_picture
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.maps.floorplan import Door, FloorPlan
-from layoutexplore.maps.image import said_scale
+from layoutexplore.maps.image import NO_FLOOR, said_scale
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.tracing import plan_from_raster
 
@@ -63,7 +63,7 @@ def import_building(
     config = config or PictureConfig()
     grid = read_picture(path, config)
     if not grid.free.any():
-        raise MapError(f"{path}: the map shows no free space")
+        raise MapError(f"{path}: {NO_FLOOR}")
     metadata = {"format": "image" if path.suffix.lower() in IMAGE_SUFFIXES else "ROS map"}
     if path.suffix.lower() in IMAGE_SUFFIXES:
         metadata["scale"] = said_scale(config.resolution)

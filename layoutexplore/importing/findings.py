@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -31,6 +32,9 @@ OPEN_BORDER = 1.0
 
 TYPICAL_DOOR, ENOUGH_DOORS = 0.9, 4
 """Metres of a usual door, and how many doors it takes to judge the scale by them."""
+
+TYPICAL_ROOM, LARGEST_ROOM = 20.0, 5000.0
+"""Square metres of a usual room, and of what half of the rooms of no building exceed."""
 
 UNITS = {"ft": 0.3048, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 """Metres of units that are taken for metres now and then."""
@@ -79,6 +83,7 @@ def _scale(plan: FloorPlan) -> Iterator[Finding]:
     if len(widths) < ENOUGH_DOORS or len(widths) < len(plan.doors) / 2:
         widths = np.array([door.width for door in plan.doors])
     if len(widths) < ENOUGH_DOORS:
+        yield from _scale_by_rooms(plan)
         return
     median = float(np.median(widths))
     if narrow or median > DOOR_WIDTHS[1]:
@@ -91,6 +96,21 @@ def _scale(plan: FloorPlan) -> Iterator[Finding]:
             f"the scale is doubtful: half of the {len(widths)} doors are "
             f"{'narrower' if narrow else 'wider'} than {median:.2f} m; with doors of {TYPICAL_DOOR:g} m "
             f"every length would be {factor:.2g} times what it is now{hint}",
+            (x0 + x1) / 2,
+            (y0 + y1) / 2,
+        )
+
+
+def _scale_by_rooms(plan: FloorPlan) -> Iterator[Finding]:
+    """Where there are no doors to tell by: rooms that are larger than halls; doors as wide are left out."""
+    median = float(np.median([room.polygon.area for room in plan.rooms])) if plan.rooms else 0.0
+    if median > LARGEST_ROOM:
+        x0, y0, x1, y1 = plan.bounds
+        unit = min(UNITS, key=lambda name: abs(math.log(median * UNITS[name] ** 2 / TYPICAL_ROOM)))
+        yield Finding(
+            "scale",
+            f"the scale is doubtful: half of the rooms have {median:.0f} m2 and more (is it in {unit}? "
+            f"--scale-by '1 {unit} = 1 unit')",
             (x0 + x1) / 2,
             (y0 + y1) / 2,
         )
@@ -131,6 +151,12 @@ def _out_of_reach(plan: FloorPlan, radius: float) -> Iterator[Finding]:
     _, parts, boxes, _ = cv2.connectedComponentsWithStats(open_cells, connectivity=4, ltype=cv2.CV_32S)
     sizes = boxes[:, cv2.CC_STAT_AREA] * resolution**2
     sizes[0] = 0.0
+    if len(sizes) == 1:
+        x0, y0, x1, y1 = plan.bounds
+        text = (
+            f"a robot {2 * radius:g} m wide fits nowhere: is the scale right, and floor brighter than walls?"
+        )
+        yield Finding("out of reach", text, (x0 + x1) / 2, (y0 + y1) / 2)
     for part in np.argsort(-sizes)[1:]:
         if sizes[part] < LOST_AREA:
             break

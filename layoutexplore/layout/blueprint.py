@@ -153,7 +153,9 @@ def grid_from_blueprint(
         walls[top : top + height, left : left + width] = False
     if not walls.any():
         raise MapError(
-            "the blueprint shows no walls: see darkness, saturation and wall_width of BlueprintConfig"
+            f"the blueprint shows no walls: they are dark strokes of {config.wall_width:g} m and more, at "
+            f"{resolution:g} m a pixel (see BlueprintConfig): is the scale right? Walls that are single "
+            "lines are read where it is taken for a plain image, without --blueprint"
         )
     # A gate may be drawn as a thin line: no wall, but no way out either.
     cells = np.where(walls, OCCUPIED, FREE).astype(np.int8)

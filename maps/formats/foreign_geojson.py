@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,13 +20,13 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import ConfigError, MapError, checks_arguments, shortened
+from layoutexplore.errors import ConfigError, MapError, MapWarning, checks_arguments, counted, shortened
 from layoutexplore.files import read_json
 from layoutexplore.files.reading import is_file
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.coordinates import declared_crs, in_metres
-from layoutexplore.maps.formats.polygons import Dropped, geometry_of, mended, room_parts
+from layoutexplore.maps.formats.polygons import LEAST_ROOM, Dropped, geometry_of, mended, room_parts
 from layoutexplore.maps.formats.wall_plans import plan_from_walls
 from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
 from layoutexplore.maps.sizes import check_count, check_outlines
@@ -44,6 +45,9 @@ FLOOR_KINDS = ("building_outline", "floor_outline", "footprint")
 """With one of these in it, a file draws the walls: rooms are what they leave of the floor."""
 
 _NO_AREAS = ("Point", "MultiPoint", "LineString", "MultiLineString")
+
+NESTED = 0.95
+"""Share of a room inside of another, larger one, from which on it is a room in a room."""
 
 LONGEST_DOOR = 10.0
 """Metres; longer lines are no doors."""
@@ -88,7 +92,7 @@ def load_foreign_geojson(
 
     Warns:
         MapWarning: Coordinates were projected, or that they are metres is a guess; features were left out
-            or mended.
+            or mended; rooms lie on each other.
     """
     path = Path(path)
     data = read_json(path) if data is None else data
@@ -130,9 +134,11 @@ def load_foreign_geojson(
     dropped.warn()
     if not outlines:
         raise MapError(f"{path}: no polygon that could be a room (--column kind=NAME names the property)")
-    return plan_from_outlines(
+    plan = plan_from_outlines(
         outlines, labels, openings, name=path.stem, building=building, metadata=metadata
     )
+    _tell_overlaps(outlines, path)  # with numbers of rooms and pairs that are within the limits
+    return plan
 
 
 @checks_arguments
@@ -238,6 +244,26 @@ def _check_one_floor(parts: list[_Part], path: Path) -> None:
         raise MapError(
             f"{path}: its features are on {len(floors)} floors (level_id), which would lie on each other: "
             f"{advice} (IMDF), or save each floor in a file of its own"
+        )
+
+
+def _tell_overlaps(outlines: Mapping[int, Polygon], path: Path) -> None:
+    """Warn where rooms lie on each other and none holds the other: that is more than one floor, as a rule."""
+    numbers, shapes = list(outlines), np.array(list(outlines.values()), object)
+    first, second = shapely.STRtree(shapes).query(shapes, predicate="intersects")
+    first, second = first[first < second], second[first < second]
+    areas = shapely.area(shapes)
+    smaller, larger = np.minimum(areas[first], areas[second]), np.maximum(areas[first], areas[second])
+    shared = shapely.area(shapely.intersection(shapes[first], shapes[second]))
+    is_inside = (shared > NESTED * smaller) & (smaller < NESTED * larger)
+    pairs = np.flatnonzero((shared > LEAST_ROOM) & ~is_inside)
+    if len(pairs):
+        example = f"rooms {numbers[first[pairs[0]]]} and {numbers[second[pairs[0]]]}"
+        warnings.warn(
+            f"{path}: {counted(len(pairs), 'pair')} of rooms lie on each other ({example}): if they are of "
+            "several floors, save each floor in a file of its own",
+            MapWarning,
+            stacklevel=3,
         )
 
 

@@ -109,8 +109,14 @@ def load_osm(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     """
     path = Path(path)
     building = _read(path)
-    name = choose_level(path, level, _levels(building, path))
+    levels, unplaced = _levels(building, path), sum(way.is_room and not way.levels for way in building.ways)
+    if not levels:
+        lack = f"none of its {unplaced} rooms has a level in numbers (tag level=0)"
+        raise MapError(f"{path}: no floor in this file: {lack if unplaced else 'it has no rooms'}")
+    name = choose_level(path, level, levels)
     dropped = Dropped(f"{path}#{name}")
+    for _ in range(unplaced):
+        dropped.add("rooms without a level are left out")
     ways = [way for way in building.ways if way.is_room and name in way.levels]
     check_count(dropped.path, "rooms", len(ways))
     points_of_all = np.vstack([building.points(way) for way in ways])

@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from layoutexplore import cli
+from layoutexplore.maps import expand_plans
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.simulation.saved_run import read_saved_run
 from tests.plans import offices
@@ -56,3 +57,26 @@ def test_a_robot_explores_a_region_and_returns(plan: str, tmp_path: Path) -> Non
     x, y, _ = (tmp_path / "run" / "track.csv").read_text().splitlines()[1].split(",")
     last = (tmp_path / "run" / "track.csv").read_text().splitlines()[-1].split(",")
     assert abs(float(x) - float(last[0])) < 0.2 and abs(float(y) - float(last[1])) < 0.2
+
+
+def test_a_folder_holds_the_pictures_of_one_run(plan: str, tmp_path: Path) -> None:
+    folder, state, options = tmp_path / "run", tmp_path / "run.npz", ["--sensor", "indoor"]
+    own = folder / "rooms_030.geojson"
+    explore(plan, *options, "--agent", "layout-tour", "--out", str(folder))
+    assert list(folder.glob("rooms_*.geojson"))
+    own.write_text("somebody's own")
+    written = explore(plan, *options, "--out", str(folder), "--pause-after", "9", "--save-state", str(state))
+    assert list(folder.glob("rooms_*.geojson")) == [own]
+    assert {path for path in folder.glob("seen_*.png") if f"wrote {path}" not in written} == set()
+    before = set(folder.iterdir())
+    explore(plan, "--continue", str(state), "--out", str(folder))
+    assert before < set(folder.iterdir()), "a run that goes on keeps the pictures of its beginning"
+
+
+def test_a_run_is_not_written_over_rooms_that_it_reads(plan: str, tmp_path: Path) -> None:
+    explore(plan, "--sensor", "indoor", "--agent", "layout-tour", "--out", str(tmp_path))
+    # In a folder of floor plans, they and the pictures are none.
+    assert expand_plans(tmp_path) == [str(tmp_path / "map.yaml")]
+    rooms = tmp_path / "rooms_100.geojson"
+    result = RUNNER.invoke(cli.app, ["explore", str(rooms), "--agent", "layout-tour", "--out", str(tmp_path)])
+    assert "rooms_100.geojson is read and would be written over" in str(result.exception)

@@ -87,6 +87,9 @@ def test_layout_prints_a_line_a_map_and_refuses_equal_names(tmp_path: Path) -> N
     result = runner.invoke(app, ["layout", *maps, "--out", str(tmp_path), "-m", "distance"])
     assert result.exit_code == 0 and len(result.output.strip().splitlines()) == 2
     assert result.output.count("0.05 m a pixel (assumed: the image has no scale)") == 2
+    (tmp_path / "c").write_bytes((tmp_path / "a.png").read_bytes())  # whatever it is called
+    result = runner.invoke(app, ["layout", str(tmp_path / "c"), "--out", str(tmp_path), "-m", "distance"])
+    assert result.output.count("(assumed: the image has no scale)") == 1
     again = runner.invoke(app, ["layout", maps[0], maps[0], "--out", str(tmp_path)])
     assert isinstance(again.exception, ConfigError)
     # Its own results are made anew; room numbers that are somebody's own, or a map, are not written over.

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -188,3 +190,26 @@ def test_a_drawing_in_feet_becomes_metres(tmp_path: Path) -> None:
     )
     assert code == 0 and "scale is doubtful" not in text
     assert load_plan(target).area == pytest.approx(load_plan("apartment-01").area)
+
+
+@pytest.mark.parametrize("name", ["plan.pdf", "plan.svg", "plan.webp"])
+def test_a_file_of_no_known_kind_is_said_to_be_one_whatever_is_asked(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"%PDF-1.4")
+    for words in (["--blueprint"], ["--rooms", "rose2"], []):
+        with pytest.raises(MapError, match=r"no known format of floor plans.*PDF.*a PNG can be read"):
+            invoke("import", str(tmp_path / name), *words, "--out", str(tmp_path / "mine.geojson"))
+    with pytest.raises(MapError, match="no such file"):
+        invoke("import", str(tmp_path / "no.osm"), "--blueprint", "--out", str(tmp_path / "mine.geojson"))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs /dev/stdout")
+def test_what_goes_to_the_standard_output_can_be_piped_on(tmp_path: Path) -> None:
+    source = write_houseexpo(tmp_path)
+    for words in (["import", str(source)], ["generate", "apartment", "--seed", "1"], ["show", "office-01"]):
+        command = [sys.executable, "-m", "layoutexplore", "maps", *words, "--out", "/dev/stdout"]
+        done = subprocess.run(command, capture_output=True, check=True)
+        if words[0] == "show":
+            assert done.stdout.startswith(b"\x89PNG") and done.stdout.endswith(b"IEND\xaeB`\x82")
+        else:
+            assert json.loads(done.stdout)["type"] == "FeatureCollection"
+        assert b"m2" in done.stderr

@@ -16,7 +16,10 @@ from layoutexplore.files import (
     is_whole,
     read_arrays,
     read_bytes,
+    read_csv,
+    read_json,
     read_toml,
+    read_yaml,
     to_toml,
     write_arrays,
     write_atomically,
@@ -120,3 +123,12 @@ def test_a_file_is_named_by_a_path_and_its_limit_by_a_known_name(tmp_path: Path)
     with pytest.raises(ConfigError, match="did you mean 'text_mb'"):
         read_bytes(tmp_path / "a.txt", MapError, limit="txt_mb")
     assert not is_file(tmp_path / ("x" * 300)) and not is_file(tmp_path)
+
+
+def test_the_mark_that_windows_begins_texts_with_is_no_part_of_them(tmp_path: Path) -> None:
+    for name, text in (("a.json", '{"a": 1}'), ("a.toml", "a = 1"), ("a.yaml", "a: 1"), ("a.csv", "a,b")):
+        (tmp_path / name).write_text(text, encoding="utf-8-sig")
+    assert read_json(tmp_path / "a.json") == {"a": 1}
+    assert read_toml(tmp_path / "a.toml") == {"a": 1}
+    assert read_yaml(tmp_path / "a.yaml") == {"a": 1}
+    assert read_csv(tmp_path / "a.csv") == [["a", "b"]]

@@ -50,6 +50,13 @@ def test_every_value_survives_scale_and_raw(tmp_path: Path, cells: NDArray[np.in
     assert np.array_equal(load_grid(tmp_path / f"{mode}.yaml").cells, cells)
 
 
+def test_the_mode_may_be_written_in_capitals(tmp_path: Path) -> None:
+    raw = write_map(tmp_path, np.array([[0, 60], [100, 255]], np.uint8))
+    for mode in ("raw", "Raw", "RAW"):
+        raw.write_text(f"image: map.png\nresolution: 0.05\norigin: [0, 0, 0]\nmode: {mode}\n")
+        assert load_grid(raw).cells.tolist() == [[100, -1], [0, 60]]
+
+
 def test_what_is_written(tmp_path: Path) -> None:
     grid = OccupancyGrid(np.array([[0, 100], [-1, 30]], np.int8), 0.05)
     save_grid(grid, tmp_path / "hall.yaml")

@@ -109,3 +109,20 @@ def test_only_the_box_of_what_is_out_of_reach_is_looked_at(monkeypatch: pytest.M
     assert len(looked_at) == len(lost) > 100
     assert sum(looked_at) < 3 * (x1 - x0) * (y1 - y0) / resolution**2
     assert len({(round(finding.x), round(finding.y)) for finding in lost}) == len(lost)
+
+
+def test_floor_on_which_a_robot_fits_nowhere_is_found() -> None:
+    # Bright lines on a dark ground: what is taken for floor are the walls.
+    lines = floorplan_from_ascii("#####\n#aaa#\n#a###\n#####", resolution=0.1)
+    found = [finding for finding in find_faults(lines) if finding.kind == "out of reach"]
+    assert len(found) == 1 and "0.4 m wide fits nowhere" in found[0].text
+    assert "out of reach" not in kinds(lines.stretched(20.0, 20.0))
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("cm", 0.01), ("in", 0.0254)])
+def test_rooms_tell_the_unit_where_all_doors_are_too_wide_to_be_doors(unit: str, metres: float) -> None:
+    flat = flat_of_boxes(0.2)
+    large = FloorPlan(name="large", rooms=flat.rooms, doors=()).stretched(1 / metres, 1 / metres)
+    scale = find_faults(large)[0]
+    assert scale.kind == "scale" and f"is it in {unit}?" in scale.text
+    assert "scale" not in kinds(FloorPlan(name="flat", rooms=flat.rooms, doors=()))

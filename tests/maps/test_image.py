@@ -12,6 +12,7 @@ import pytest
 from layoutexplore.errors import MapError
 from layoutexplore.grids.grid import OccupancyGrid
 from layoutexplore.grids.ros_map import save_grid
+from layoutexplore.importing.building import import_building
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 
@@ -90,3 +91,12 @@ def test_many_rooms_beside_each_other_are_traced_in_one_pass(tmp_path: Path, sha
     begin = time.process_time()
     plan = load_plan(tmp_path / "map.png", resolution=1.0)
     assert len(plan.rooms) == rooms and time.process_time() - begin < 4.0
+
+
+def test_a_drawing_on_a_transparent_ground_is_to_be_laid_on_white(tmp_path: Path) -> None:
+    pixels = np.zeros((40, 40, 4), np.uint8)
+    pixels[5:35, [5, 34], 3] = pixels[[5, 34], 5:35, 3] = 255
+    cv2.imwrite(str(tmp_path / "cad.png"), pixels)
+    for read in (load_plan, import_building):
+        with pytest.raises(MapError, match=r"cad\.png: the map shows no free space .*lay a drawing on white"):
+            read(tmp_path / "cad.png")

@@ -173,3 +173,15 @@ def test_a_folder_of_too_many_files_is_refused(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "files=3")
     with pytest.raises(MapError, match="more than 3 files"):
         expand_plans(tmp_path)
+
+
+def test_a_file_without_floors_is_an_error_and_in_a_folder_left_out(tmp_path: Path) -> None:
+    save_plan(load_plan("apartment-03"), tmp_path / "own.geojson")
+    streets = tmp_path / "streets.osm"
+    streets.write_text('<osm version="0.6"><node id="1" lat="51" lon="13"/></osm>')
+    for source in expand_plans(streets):
+        with pytest.raises(MapError, match=r"streets\.osm: no floor in this file: it has no rooms"):
+            load_plan(source)
+    assert expand_plans(streets)
+    with pytest.warns(MapWarning, match=r"streets\.osm: left out: no floor is in it"):
+        assert expand_plans(tmp_path) == [str(tmp_path / "own.geojson")]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -304,3 +305,14 @@ def test_a_file_that_looks_like_ours_is_told_of_columns(tmp_path: Path) -> None:
     with pytest.raises(MapError, match=r"feature 1 \(door\): geometry must be .*--column room=NAME"):
         load_plan(path)
     assert len(load_plan(path, columns={"kind": "kind"}).rooms) == 1
+
+
+def test_rooms_that_lie_on_each_other_are_told(tmp_path: Path) -> None:
+    floors = [(room, {"level": level}) for level in "01" for room in (box(0, 0, 5, 4), box(5, 0, 9, 4))]
+    with pytest.warns(MapWarning, match=r"2 pairs of rooms lie on each other \(rooms 1 and 3\)"):
+        load_plan(write(tmp_path, *floors))
+    # A whole with rooms in it, up to its border, is one floor.
+    nested = [(room, {}) for room in (box(0, 0, 9, 9), box(0, 0, 5, 4), box(6, 5, 8, 8))]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(load_plan(write(tmp_path, *nested)).rooms) == 3

@@ -230,3 +230,13 @@ def test_what_is_too_many_is_counted_first(
     path = file.write(tmp_path / "home.osm")
     with pytest.raises(MapError, match=f"{what}, and the limit rooms"):
         load_plan(f"{path}#0")
+
+
+def test_rooms_without_a_level_are_named(tmp_path: Path) -> None:
+    file = OsmFile()
+    file.way([*corners(LEFT)], indoor="room")
+    with pytest.raises(MapError, match="no floor in this file: none of its 1 rooms has a level"):
+        load_plan(file.write(tmp_path / "bare.osm"))
+    file.way([*corners(RIGHT)], indoor="room", level="0")
+    with pytest.warns(MapWarning, match="1 rooms without a level are left out"):
+        assert len(load_plan(file.write(tmp_path / "half.osm")).rooms) == 1

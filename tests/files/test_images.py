@@ -1,0 +1,61 @@
+"""Images: levels, and the way up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from layoutexplore.files.images import declared_size, read_levels, read_pixels
+
+MARK = np.zeros((20, 30), np.uint8)
+MARK[2:6, 3:12] = 255
+"""A picture that looks different from every side."""
+
+
+@pytest.mark.parametrize("white", [1, 15, 100, 254, 255, 256, 1000, 65535])
+@pytest.mark.parametrize("kind", [2, 3, 5, 6])
+def test_white_is_white_whatever_level_a_pnm_file_declares_for_it(
+    tmp_path: Path, kind: int, white: int
+) -> None:
+    levels = np.repeat([0, white // 2, white], 3 if kind in (3, 6) else 1)
+    text = " ".join(map(str, levels)).encode() + b"\n"
+    data = text if kind < 4 else levels.astype(">u2" if white > 255 else "u1").tobytes()
+    path = tmp_path / "map.pgm"
+    path.write_bytes(b"P%d\n# CREATOR: map_saver\n3 1\n%d\n" % (kind, white) + data)
+    found = read_pixels(path).reshape(3, -1)[:, 0]
+    assert found[0] == 0 and found[2] == 255
+    assert abs(int(found[1]) - 255 * (white // 2) / white) <= 1
+
+
+def with_orientation(jpeg: bytes, orientation: int) -> bytes:
+    """A JPEG with the note (EXIF) how the camera was held."""
+    entry = b"\x01\x12\x00\x03\x00\x00\x00\x01" + orientation.to_bytes(2, "big") + b"\x00\x00"
+    exif = b"Exif\x00\x00MM\x00*\x00\x00\x00\x08\x00\x01" + entry + b"\x00\x00\x00\x00"
+    return jpeg[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + jpeg[2:]
+
+
+@pytest.mark.parametrize(("orientation", "turns"), [(1, 0), (3, 2), (6, -1), (8, 1)])
+def test_a_photo_is_turned_as_viewers_show_it(tmp_path: Path, orientation: int, turns: int) -> None:
+    _, jpeg = cv2.imencode(".jpg", MARK, [cv2.IMWRITE_JPEG_QUALITY, 100])
+    path = tmp_path / "photo.jpg"
+    path.write_bytes(with_orientation(jpeg.tobytes(), orientation))
+    for found in (read_pixels(path), read_levels(path)):
+        np.testing.assert_array_equal(found > 127, np.rot90(MARK, turns) > 127)
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(4000, 4000), (4032, 3024)])
+def test_maps_of_gmapping_as_it_comes_and_photos_of_phones_are_read(
+    tmp_path: Path, rows: int, cols: int
+) -> None:
+    path = tmp_path / "large.pgm"
+    cv2.imwrite(str(path), np.full((rows, cols), 205, np.uint8))
+    assert read_pixels(path).shape == (rows, cols)
+
+
+def test_headers_of_blanks_and_remarks_take_no_time() -> None:
+    assert declared_size(b"P5" + b" " * 4000 + b"x") is None
+    assert declared_size(b"P5" + b"#\n" * 1000 + b"x") is None
+    assert declared_size(b"P5 # a\n # b\r\n\t3 # c\n2 255 ") == (3, 2)
