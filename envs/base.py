@@ -7,6 +7,7 @@ Gymnasium.
 from __future__ import annotations
 
 import inspect
+import math
 import operator
 from collections.abc import Mapping
 from dataclasses import replace
@@ -272,9 +273,12 @@ def _predictor(given: object) -> Predictor | None:
 def _number(reward: object) -> float:
     """What a reward function has returned, which may be the user's own."""
     try:
-        return float(cast(Any, reward))
+        number = float(cast(Any, reward))
     except (TypeError, ValueError):
+        number = math.nan
+    if math.isnan(number):
         raise ConfigError(f"a reward function returns a number, got {shortened(reward)}") from None
+    return number
 
 
 def _start(value: Any) -> Pose | None:

@@ -20,16 +20,17 @@ MOST_PLANS = 200_000
 OnePlan = FloorPlan | str | os.PathLike[str]
 """A floor plan, or the name or path of one."""
 
-PlanSpec = OnePlan | Sequence[OnePlan] | Callable[[np.random.Generator], FloorPlan]
-"""One plan, several, the name of a split, a folder, or a function that draws a plan."""
-
 
 @runtime_checkable
 class Curriculum(Protocol):
-    """A function that draws a plan and is told how far the training is."""
+    """What draws a plan and is told how far the training is."""
 
     def draw(self, rng: np.random.Generator, progress: float) -> FloorPlan:
         """A plan for a progress of 0 ... 1."""
+
+
+PlanSpec = OnePlan | Sequence[OnePlan] | Callable[[np.random.Generator], FloorPlan] | Curriculum
+"""One plan, several, the name of a split, a folder, a function that draws a plan, or a `Curriculum`."""
 
 
 class PlanSource:
@@ -39,9 +40,9 @@ class PlanSource:
 
     Args:
         spec: A `FloorPlan`; the name of a shipped plan, of a split ("train", "validation", "test") or of a
-            generated plan ("office:7"); a path to a plan or to a folder of them; a sequence of these; or a
-            callable that is given a random generator and returns a plan. What a sequence names twice is
-            drawn twice as often.
+            generated plan ("office:7"); a path to a plan or to a folder of them; a sequence of these; a
+            callable that is given a random generator and returns a plan; or a `Curriculum`. What a sequence
+            names twice is drawn twice as often.
 
     Raises:
         ConfigError: There is no plan to draw from.
@@ -49,8 +50,12 @@ class PlanSource:
     """
 
     def __init__(self, spec: PlanSpec) -> None:
-        self._function: Any = _drawing(spec) if callable(spec) else None
-        self._plans: list[FloorPlan | str] = [] if callable(spec) else _expand(spec)
+        self._function: Any = None
+        self._plans: list[FloorPlan | str] = []
+        if callable(spec) or isinstance(spec, Curriculum):
+            self._function = _drawing(spec)
+        else:
+            self._plans = _expand(spec)
         if self._function is None and not self._plans:
             raise ConfigError(f"no floor plan to explore in {shortened(spec)}")
 

@@ -177,15 +177,17 @@ REWARDS: dict[str, Reward] = {
 
 def reads_rooms(function: Reward) -> bool:
     """Whether a reward may read `Transition.rooms_finished`; where none does, nothing is counted."""
-    return isinstance(function, RoomArea) or not (
-        isinstance(function, PathToMarks) or function in REWARDS.values()
-    )
+    return type(function) is RoomArea or not _ships(function)
 
 
 def reads_foresight(function: Reward) -> bool:
     """Whether a reward may read `Transition.foreseen_area`; where none does, nothing is counted."""
-    known = isinstance(function, PathToMarks | RoomArea) or function in REWARDS.values()
-    return function is foreseen_area or not known
+    return function is foreseen_area or not _ships(function)
+
+
+def _ships(function: Reward) -> bool:
+    """Whether it is one of the above: of a class derived from one of theirs nobody knows what it reads."""
+    return type(function) in (PathToMarks, RoomArea) or any(function is known for known in REWARDS.values())
 
 
 def reward(name_or_callable: str | Reward) -> Reward:

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.vector_buffers import Buffers, EnvironmentGroup
 from layoutexplore.errors import WorkerError
+from layoutexplore.plugins.tracebacks import own_frames, told
 from layoutexplore.plugins.transport import OwnCode, pack_own_code
 from layoutexplore.processes import single_threaded, without_main
 
@@ -274,10 +275,12 @@ class ProcessWorkers:
 
 
 class _Failure:
-    """An error that a worker answers with."""
+    """An error that a worker answers with, noting its place in own code: tracebacks do not travel."""
 
     def __init__(self, error: Exception) -> None:
         self.error = error
+        if own_frames(error):
+            error.add_note(f"in a worker process: {told(error)}")
 
 
 def _array(block: Any, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:

@@ -17,7 +17,7 @@ from layoutexplore.layout.outlines import layout_of_labels, room_numbers
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout
 from layoutexplore.options import Rule, check_kind, rule_like
-from layoutexplore.plugins.registry import Registry
+from layoutexplore.plugins.registry import Entry, Registry
 
 
 def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None) -> Layout:
@@ -244,9 +244,11 @@ def layout_method(spec: str) -> LayoutMethod:
     """
     name, colon, rest = spec.partition(":")
     entry, options = LAYOUTS.find(ALIASES.get(name, name) + colon + rest)
-    return LayoutMethod(
-        entry.name, entry.doc, lambda grid, config: LAYOUTS.build(entry, config)(grid), options, entry.digest
-    )
+    return LayoutMethod(entry.name, entry.doc, functools.partial(_run_entry, entry), options, entry.digest)
+
+
+def _run_entry(entry: Entry[Callable[[OccupancyGrid], Layout]], grid: OccupancyGrid, config: Any) -> Layout:
+    return LAYOUTS.build(entry, config)(grid)
 
 
 def method_names() -> list[str]:

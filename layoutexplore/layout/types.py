@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from functools import cached_property
-from typing import Any, NamedTuple, TypeVar, overload
+from typing import Any, NamedTuple, Self, TypeVar, overload
 
 import numpy as np
 import shapely
@@ -244,6 +244,12 @@ class Deferred(Sequence[ItemT]):
 
     def __len__(self) -> int:
         return len(self._items)
+
+    def __getstate__(self) -> dict[str, tuple[ItemT, ...]]:
+        return {"_items": self._items}  # what makes them is a function of a run, which does not travel
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self  # nothing of it changes, and a copy made in between need not wait for them
 
 
 @shows_shapes

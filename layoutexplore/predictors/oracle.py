@@ -6,6 +6,7 @@ It foresees, too: the true plan, as far as a number of doors beyond the rooms th
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 
 import numpy as np
@@ -62,7 +63,7 @@ class OraclePredictor:
             raise ConfigError(f"{self.name} knows no plan yet: a simulation reveals it when a run begins")
         rooms = GivenRooms(self.name, decision.grid, self.rooms(decision))
         judged = with_classes(decision, self._wrong(true_classes(decision, self._truth)), rooms)
-        return dataclasses.replace(judged, foresee=lambda: self._foresee(decision))
+        return dataclasses.replace(judged, foresee=functools.partial(self._foresee, decision))
 
     def _foresee(self, decision: Decision) -> Foresight:
         """The true plan up to the horizon; the same object as before where no further part is foreseen."""

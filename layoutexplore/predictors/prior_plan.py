@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import math
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -179,7 +179,11 @@ def _completed(shipped: Decision, foreseen: Foresight) -> Decision:
     )
     sure = np.where(told, foreseen.confidence, table.confidence)
     completed = with_classes(shipped, judged, ForeseenRooms(shipped, foreseen), sure)
-    return dataclasses.replace(completed, foresee=lambda: foreseen)
+    return dataclasses.replace(completed, foresee=partial(_itself, foreseen))
+
+
+def _itself(foreseen: Foresight) -> Foresight:
+    return foreseen
 
 
 @checks_making

@@ -20,7 +20,14 @@ from shapely.geometry.base import BaseGeometry
 from layoutexplore.grids.arrays import Floats, Ints32, Mask
 from layoutexplore.maps.floorplan import Door
 from layoutexplore.maps.generator.config import DrawnConfig
-from layoutexplore.maps.generator.space_graph import OUTSIDE, TOLERANCE, AttemptError, Link, SpaceGraph
+from layoutexplore.maps.generator.space_graph import (
+    OUTSIDE,
+    ROUNDING,
+    TOLERANCE,
+    AttemptError,
+    Link,
+    SpaceGraph,
+)
 
 CORNER = math.radians(15.0)
 """A wall that turns by more than this has a corner there."""
@@ -43,6 +50,7 @@ def wall_runs(a: Polygon, b: BaseGeometry) -> list[Floats]:
         >>> round(float(np.hypot(*(run[-1] - run[0]))), 2)
         2.03
     """
+    b = shapely.remove_repeated_points(b, ROUNDING)  # at such vertices a mitred buffer divides by zero
     shared = a.exterior.intersection(b.buffer(TOLERANCE, join_style="mitre"))
     if shared.geom_type != "LineString":
         shared = shapely.line_merge(shapely.multilinestrings(_lines(shared)))

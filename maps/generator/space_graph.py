@@ -18,6 +18,9 @@ from layoutexplore.maps.generator.wing_frame import WingFrame
 TOLERANCE = 0.03
 """Edges closer than this are the same wall, m."""
 
+ROUNDING = 1e-9
+"""Vertices closer than this are one and the same but for rounding, m."""
+
 OUTSIDE = 0
 
 
@@ -120,7 +123,7 @@ class SpaceGraph:
         overlap = sum(p.area for p in parts) - union.area
         if overlap > 0.02 * len(parts):
             raise AttemptError(f"{overlap:.1f} m2 of the spaces overlap")
-        outline = union.buffer(TOLERANCE, join_style="mitre").buffer(-TOLERANCE, join_style="mitre")
+        outline = _closed(union)
         if outline.geom_type != "Polygon":
             raise AttemptError("the building falls apart")
         return outline
@@ -129,4 +132,17 @@ class SpaceGraph:
 def _closed_union(a: Polygon, b: Polygon) -> Polygon:
     """Union of two polygons that touch within the tolerance."""
     grown = shapely.union(a.buffer(TOLERANCE, join_style="mitre"), b.buffer(TOLERANCE, join_style="mitre"))
+    return grown.buffer(-TOLERANCE, join_style="mitre")
+
+
+def _closed(union: BaseGeometry) -> BaseGeometry:
+    """Polygons without the gaps between them, and in them, that are narrower than twice the tolerance.
+
+    Edges that touch but for rounding leave holes without width: a mitred buffer divides by zero there.
+    """
+    parts = [
+        Polygon(part.exterior, [hole for hole in part.interiors if Polygon(hole).area > TOLERANCE**2])
+        for part in shapely.get_parts(union)
+    ]
+    grown = shapely.MultiPolygon(parts).buffer(TOLERANCE, join_style="mitre")
     return grown.buffer(-TOLERANCE, join_style="mitre")

@@ -13,6 +13,8 @@ import pytest
 from layoutexplore.envs.curriculum import FIRST_SEED, PlanSampler, Randomisation
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.errors import ConfigError, UnknownNameError
+from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.library import load_plan
 from layoutexplore.maps.shipped import SHIPPED
 from layoutexplore.options import from_table
 from layoutexplore.sensing.lidar import sensor
@@ -67,6 +69,20 @@ def test_an_environment_tells_its_progress() -> None:
     env.reset(seed=3)
     assert all(simulation.plan.area < 260 for simulation in env.get_attr("simulation"))
     env.close()
+
+
+def test_a_curriculum_need_not_be_callable() -> None:
+    class Growing:
+        def draw(self, rng: np.random.Generator, progress: float) -> FloorPlan:
+            return load_plan("office-01" if progress > 0.5 else "apartment-01")
+
+    env = gymnasium.make("LayoutExplore/Frontier-v0", plan=Growing()).unwrapped
+    names = []
+    for progress in (0.0, 1.0):
+        env.progress = progress
+        env.reset(seed=0)
+        names.append(env.plan_name)
+    assert names == ["apartment-01", "office-01"]
 
 
 def test_sensors_change_from_episode_to_episode() -> None:

@@ -152,6 +152,15 @@ def test_a_copy_goes_on_where_the_original_is(name: str, options: dict[str, Any]
         assert digest([env.step(action)]) == digest([other.step(action)])
 
 
+@pytest.mark.parametrize("predictor", ["layout", "oracle:horizon=1", "prior:true", "reconstruct:doorways"])
+def test_an_environment_with_a_predictor_can_be_pickled(predictor: str) -> None:
+    env = make(FRONTIER, predictor=predictor).unwrapped
+    rollout(env, seed=2, steps=3)
+    other = pickle.loads(pickle.dumps(env))
+    for _ in range(3):
+        assert digest([env.step(0)]) == digest([other.step(0)])
+
+
 @cases
 @pytest.mark.parametrize("mode", ["rgb_array", "ansi"])
 def test_looking_changes_nothing(name: str, options: dict[str, Any], mode: str) -> None:

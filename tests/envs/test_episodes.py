@@ -217,7 +217,7 @@ def test_an_episode_tells_its_plan() -> None:
     assert env.plan_name == env.simulation.plan.name != ""
 
 
-@pytest.mark.parametrize("returned", [None, "much", [1.0, 2.0]])
+@pytest.mark.parametrize("returned", [None, "much", [1.0, 2.0], float("nan")])
 def test_a_reward_that_is_no_number_is_named(returned: Any) -> None:
     env = make(FRONTIER, reward=lambda transition: returned).unwrapped
     env.reset(seed=1)

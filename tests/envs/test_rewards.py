@@ -205,3 +205,41 @@ def test_an_environment_hands_over_what_happened(name: str) -> None:
     assert sum(step.coverage_gain for step in seen) == pytest.approx(info["coverage"] - first["coverage"])
     assert all(step.stop_reason == "" for step in seen[:-1])
     assert seen[-1].stop_reason == ("coverage" if terminated else "")
+
+
+def test_a_class_derived_from_ours_reads_all_of_a_transition() -> None:
+    """Rooms and foresight are counted for it as for any callable of a user's own."""
+
+    class Mine(PathToMarks):
+        def __call__(self, transition: Transition) -> float:
+            return 5.0 * transition.rooms_finished + transition.foreseen_area
+
+    def plain(transition: Transition) -> float:
+        return 5.0 * transition.rooms_finished + transition.foreseen_area
+
+    returns = []
+    for function in (Mine(), plain):
+        env = gymnasium.make(
+            "LayoutExplore/Frontier-v0", plan=rooms(), predictor="oracle:horizon=1", reward=function
+        )
+        env.reset(seed=1)
+        steps = [env.step(0)]
+        while not (steps[-1][2] or steps[-1][3]):
+            steps.append(env.step(0))
+        returns.append([step[1] for step in steps])
+    assert returns[0] == returns[1] and sum(returns[1]) > 5.0
+
+
+def test_an_error_of_one_s_own_in_a_worker_tells_its_line() -> None:
+    def broken(transition: Transition) -> float:
+        raise ValueError("no such thing")
+
+    envs = gymnasium.make_vec(
+        "LayoutExplore/Frontier-v0", num_envs=2, backend="processes", workers=1, plan=rooms(), reward=broken
+    )
+    envs.reset(seed=0)
+    with pytest.raises(ValueError, match="no such thing") as raised:
+        envs.step([0, 0])
+    envs.close()
+    (note,) = raised.value.__notes__
+    assert "test_rewards.py" in note and "in broken" in note

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -184,6 +185,23 @@ def test_angled_and_curved_are_not_right_angled() -> None:
         ring = np.vstack([np.diff(shapely.get_coordinates(room.polygon), axis=0) for room in plan.rooms])
         tilt = np.abs((np.degrees(np.arctan2(ring[:, 1], ring[:, 0])) + 45) % 90 - 45)
         assert (tilt > 5).mean() > 0.2
+
+
+@pytest.mark.parametrize(
+    ("family", "seed", "area"),
+    [
+        ("angled", 127611799, 327.61651988261997),  # holes without width in the union of its spaces
+        ("angled", 1862495216, 272.27023176049283),  # two wings, and such a hole
+        ("angled", 2038570178, 351.63106539879766),  # a space with several vertices at one corner
+        ("curved", 958461074, 882.9392002651409),  # an outline with such a corner
+    ],
+)
+def test_spaces_that_touch_but_for_rounding_are_no_division_by_zero(
+    family: str, seed: int, area: float
+) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        generate(family, seed, area=area)
 
 
 @pytest.mark.parametrize(
