@@ -152,7 +152,10 @@ def test_a_copy_goes_on_where_the_original_is(name: str, options: dict[str, Any]
         assert digest([env.step(action)]) == digest([other.step(action)])
 
 
-@pytest.mark.parametrize("predictor", ["layout", "oracle:horizon=1", "prior:true", "reconstruct:doorways"])
+@pytest.mark.parametrize(
+    "predictor",
+    ["layout", "oracle:horizon=1", "prior:true", "reconstruct:doorways", "reconstruct:morphological"],
+)
 def test_an_environment_with_a_predictor_can_be_pickled(predictor: str) -> None:
     env = make(FRONTIER, predictor=predictor).unwrapped
     rollout(env, seed=2, steps=3)

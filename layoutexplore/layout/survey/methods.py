@@ -137,24 +137,36 @@ def distance_labels(free: Mask, resolution: float, config: DistanceConfig) -> In
     return grow_labels(seeds, free)
 
 
-def _run(name: str, labelling: Callable[..., Ints32]) -> Callable[[OccupancyGrid, Any], Layout]:
-    """A method that labels the free cells of a grid in its canonical orientation."""
-
-    @in_canonical_orientation
-    def run(grid: OccupancyGrid, config: Any) -> Layout:
-        if not has_free_space(grid):
-            return empty_layout(name, grid, "the grid has no free cell")
-        timer = StageTimer()
-        with timer("segmentation"):
-            labels = labelling(grid.free, grid.resolution, config)
-        return layout_of_labels(name, grid, labels, timer)
-
-    return run
+def _labelled(name: str, labelling: Callable[..., Ints32], grid: OccupancyGrid, config: Any) -> Layout:
+    """The layout of a method that labels the free cells of a grid."""
+    if not has_free_space(grid):
+        return empty_layout(name, grid, "the grid has no free cell")
+    timer = StageTimer()
+    with timer("segmentation"):
+        labels = labelling(grid.free, grid.resolution, config)
+    return layout_of_labels(name, grid, labels, timer)
 
 
-for _name, _summary, _labelling, _config in (
-    ("morphological", "Erosion, step by step", morphological_labels, MorphologicalConfig),
-    ("distance", "One threshold on the distance to the walls", distance_labels, DistanceConfig),
-    ("voronoi", "Critical lines of the Voronoi graph, small regions merged", voronoi_labels, VoronoiConfig),
-):
-    register_method(_name, _summary, _run(_name, _labelling), _config)
+@in_canonical_orientation
+def morphological(grid: OccupancyGrid, config: MorphologicalConfig) -> Layout:
+    """Rooms by `morphological_labels`."""
+    return _labelled("morphological", morphological_labels, grid, config)
+
+
+@in_canonical_orientation
+def distance(grid: OccupancyGrid, config: DistanceConfig) -> Layout:
+    """Rooms by `distance_labels`."""
+    return _labelled("distance", distance_labels, grid, config)
+
+
+@in_canonical_orientation
+def voronoi(grid: OccupancyGrid, config: VoronoiConfig) -> Layout:
+    """Rooms by `voronoi_labels`."""
+    return _labelled("voronoi", voronoi_labels, grid, config)
+
+
+register_method("morphological", "Erosion, step by step", morphological, MorphologicalConfig)
+register_method("distance", "One threshold on the distance to the walls", distance, DistanceConfig)
+register_method(
+    "voronoi", "Critical lines of the Voronoi graph, small regions merged", voronoi, VoronoiConfig
+)
