@@ -68,8 +68,8 @@ def test_workers_change_nothing(tmp_path: Path) -> None:
     from layoutexplore.training.separator.maps import separator_examples
     from layoutexplore.training.separator.network import SeparatorTrainingConfig, fit_separator
 
-    alone = separator_examples(4)
-    shared = separator_examples(4, workers=2)
+    alone = separator_examples(2)
+    shared = separator_examples(2, workers=2)
     pairs = zip(alone, shared, strict=True)
     assert all(np.array_equal(*both) for a, b in pairs for both in zip(astuple(a), astuple(b), strict=True))
     config = SeparatorTrainingConfig(steps=3, batch=2, crop=16)
