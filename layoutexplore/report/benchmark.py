@@ -295,9 +295,10 @@ def _verdict(best: Comparison, baseline: str, *, same_cells: bool) -> str:
     interval_text = f" (95{NBSP}% interval {number(ratio.low)}–{number(ratio.high)})" if known else ""
     share = f"{best.metric[1:]}{NBSP}% of a floor"
     needs = f"{number(ratio.estimate)} of the metres of {baseline} to see {share}{interval_text}"
-    better = (
-        f"It needs fewer than {baseline} in {percent(best.improvement.estimate)} of {best.cells} paired "
-        "runs; as many count half." + ("" if same_cells else " Not all agents ran the same cells: see below.")
+    wins = best.improvement.estimate
+    halves = " (as many count half)" if 0 < wins < 1 else ""  # else there are no ties
+    better = f"It needs fewer than {baseline} in {percent(wins)} of {best.cells} paired runs{halves}." + (
+        "" if same_cells else " Not all agents ran the same cells: see below."
     )
     if known and ratio.high < 1:
         return f"needs {needs}. {better}"

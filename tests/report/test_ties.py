@@ -19,4 +19,4 @@ def test_a_tie_is_told_from_a_win(tmp_path: Path) -> None:
     assert {(row.d95, row.d99) for row in folder.rows()} == {(0.0, 0.0)}
     for path in write_benchmark_report(folder)[:2]:
         said = path.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
-        assert "needs fewer than nearest in 50 % of 2 paired runs; as many count half" in said
+        assert "needs fewer than nearest in 50 % of 2 paired runs (as many count half)" in said
