@@ -69,7 +69,8 @@ def train(
     seed: Annotated[int | None, typer.Option(min=0, help="Of everything.")] = None,
     device: Device = "auto",
     predictor: Annotated[
-        str | None, typer.Option(help="Where a policy learns of rooms from: layout or none.")
+        str | None,
+        typer.Option(help="Where a policy learns of rooms from: layout, none, or oracle (the true rooms)."),
     ] = None,
     sensor: Annotated[
         list[str] | None,
