@@ -171,8 +171,7 @@ def explore(
     back = way_home(simulation) if returns and simulation.done else ""
     console.print(summary(row, filmed=video is not None, back=back, prior=watcher.belief(simulation)))
     written = [path for path in (video, save_state) if path]
-    written += save_run(out, simulation, watcher, goes_on=saved is not None) if out else []
-    for path in written:
+    for path in (*written, *(save_run(out, simulation, watcher, goes_on=saved is not None) if out else ())):
         console.print(f"wrote {path}", soft_wrap=True)
 
 

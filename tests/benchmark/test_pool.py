@@ -13,6 +13,7 @@ import pytest
 
 from layoutexplore.benchmark import pool
 from layoutexplore.benchmark.pool import Handout, Limited, run_all
+from tests.programs import said_by, wherever_it_comes_from
 
 
 def test_workers_end_with_a_killed_benchmark() -> None:
@@ -35,15 +36,10 @@ print(sorted(run_all(eval, ["1 + 1", "2 + 2"], jobs=2, lost=lambda task: -1, ini
 """
 
 
-@pytest.mark.parametrize("from_stdin", [True, False], ids=["stdin", "file"])
+@wherever_it_comes_from
 def test_a_program_needs_neither_a_file_nor_a_guard(from_stdin: bool, tmp_path: Path) -> None:
     """Workers do not import it: it could not be found, or would begin anew in each of them."""
-    script = tmp_path / "script.py"
-    script.write_text(UNGUARDED, encoding="utf-8")
-    words = [sys.executable, "-" if from_stdin else str(script)]
-    given = UNGUARDED if from_stdin else ""
-    told = subprocess.run(words, input=given, capture_output=True, text=True, check=True, timeout=120)
-    assert told.stdout == "[2, 4]\n" and not told.stderr
+    assert said_by(UNGUARDED, tmp_path, from_stdin=from_stdin) == "[2, 4]\n"
 
 
 def test_a_dying_worker_costs_its_task_alone() -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from layoutexplore.errors import WorkerError
 from layoutexplore.plugins.transport import worker_pool
+from tests.programs import said_by, wherever_it_comes_from
 
 PROGRAM = """
 from layoutexplore import register_layout
@@ -27,14 +26,9 @@ with worker_pool(2) as pool:
 """
 
 
-@pytest.mark.parametrize("from_stdin", [True, False], ids=["stdin", "file"])
+@wherever_it_comes_from
 def test_a_program_needs_no_guard_and_what_it_registers_travels(from_stdin: bool, tmp_path: Path) -> None:
-    script = tmp_path / "script.py"
-    script.write_text(PROGRAM, encoding="utf-8")
-    words = [sys.executable, "-" if from_stdin else str(script)]
-    given = PROGRAM if from_stdin else ""
-    told = subprocess.run(words, input=given, capture_output=True, text=True, check=True, timeout=300)
-    assert told.stdout == "True 1 2\n" and not told.stderr
+    assert said_by(PROGRAM, tmp_path, from_stdin=from_stdin) == "True 1 2\n"
 
 
 def test_a_worker_that_dies_is_told() -> None:
