@@ -7,8 +7,6 @@ import multiprocessing
 import os
 import pickle
 import signal
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -26,6 +24,7 @@ from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Ints
 from layoutexplore.predictors import PREDICTORS, make_predictor, register_predictor
 from tests.envs.cases import CASES, FRONTIER, IDS, MOTION, make, rooms
+from tests.programs import said_by, wherever_it_comes_from
 
 SMALL = ObservationConfig(local_size=16, global_size=16, detour=True, privileged=True)
 SERIAL, THREADS, PROCESSES = ({"backend": name, "workers": 2} for name in ("serial", "threads", "processes"))
@@ -303,23 +302,21 @@ class _Broken:
         return (_explode, ())
 
 
-def test_a_script_needs_no_main_guard(tmp_path: Path) -> None:
-    script = tmp_path / "script.py"
-    script.write_text(
-        "import gymnasium, layoutexplore, numpy as np\n"
-        "from layoutexplore.maps.tracing import floorplan_from_ascii\n"
-        "plan = floorplan_from_ascii('#####\\n#...#\\n#...#\\n#####', resolution=1.0)\n"
-        "def mine(transition): return 7.0\n"
-        "env = gymnasium.make_vec('LayoutExplore/Motion-v0', num_envs=2, backend='processes', workers=2,\n"
-        "                         plan=lambda rng: plan, reward=mine)\n"
-        "env.reset(seed=0)\n"
-        "print(env.step(np.zeros(2, int))[1].tolist())\n"
-    )
-    environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
-    told = subprocess.run(
-        [sys.executable, str(script)], env=environment, capture_output=True, text=True, check=True
-    )
-    assert told.stdout.strip() == "[7.0, 7.0]" and "Error" not in told.stderr
+UNGUARDED = """
+import gymnasium, layoutexplore, numpy as np
+from layoutexplore.maps.tracing import floorplan_from_ascii
+plan = floorplan_from_ascii("#####\\n#...#\\n#...#\\n#####", resolution=1.0)
+def mine(transition): return 7.0
+env = gymnasium.make_vec("LayoutExplore/Motion-v0", num_envs=2, backend="processes", workers=2,
+                         plan=lambda rng: plan, reward=mine)
+env.reset(seed=0)
+print(env.step(np.zeros(2, int))[1].tolist())
+"""
+
+
+@wherever_it_comes_from
+def test_a_program_needs_neither_a_file_nor_a_guard(from_stdin: bool, tmp_path: Path) -> None:
+    assert said_by(UNGUARDED, tmp_path, from_stdin=from_stdin) == "[7.0, 7.0]\n"
 
 
 @pytest.mark.parametrize("backend", [SERIAL, THREADS, PROCESSES], ids=lambda options: options["backend"])
