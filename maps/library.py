@@ -23,6 +23,7 @@ from layoutexplore.errors import MapError, MapWarning, cause, checks_arguments, 
 from layoutexplore.files import is_there, read_json
 from layoutexplore.files.limits import VARIABLE, limits
 from layoutexplore.files.reading import is_file, shown_path
+from layoutexplore.files.run_folders import QUARTERLY_NAMES
 from layoutexplore.files.schema import Items, TableOf, Text
 from layoutexplore.grids.grid import check_resolution
 from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, YAML_SUFFIXES, images_of
@@ -46,7 +47,6 @@ OWN_SCALE = "brings its own scale: --resolution and --scale-by are for images an
 MOST_SEEDS = 100_000
 """So many generated floor plans FAMILY:FIRST-LAST may name."""
 
-_OF_RUN = re.compile(r"(seen|prior|rooms)_\d{3}\.(png|geojson)")  # beside the track.csv of `explore --out`
 _SEEDS = re.compile(r"([a-z_]+):(\d+)(?:-(\d+))?")
 
 
@@ -346,7 +346,7 @@ def _expand_seeds(family: str, first: int, last: int) -> list[str]:
 def _is_plan(path: Path) -> bool:
     """Whether a file of a folder is a floor plan of its own, not a part of another or something else."""
     suffix = path.suffix.lower()
-    of_run = _OF_RUN.fullmatch(path.name) and is_file(path.with_name("track.csv"))
+    of_run = path.name in QUARTERLY_NAMES and is_file(path.with_name("track.csv"))
     if not path.is_file() or suffix not in SUFFIXES or path.name.startswith(".") or of_run:
         return False
     if suffix == ".json":

@@ -22,9 +22,6 @@ if TYPE_CHECKING:
 SAVED_EVERY = 1.0
 """Seconds between two states of a run in its file; a run that is ended in between goes on from the last."""
 
-QUARTERLY = ("seen_{:03}.png", "prior_{:03}.png", "rooms_{:03}.geojson")
-"""Files of a run at every quarter, by percent seen: pictures, a plan known beforehand, the rooms believed."""
-
 
 class RunWatcher:
     """Looks at a run at every decision.
@@ -130,6 +127,7 @@ def save_run(
     import numpy as np
 
     from layoutexplore.files import write_atomically
+    from layoutexplore.files.run_folders import QUARTERLY, QUARTERLY_NAMES
     from layoutexplore.grids.ros_map import save_grid
 
     save_grid(simulation.mapper.grid, folder / "map.yaml")
@@ -150,14 +148,9 @@ def save_run(
     }
     for name, content in made.items():
         write_atomically(folder / name, content)
-    for name in () if goes_on else sorted(set(_quarterly_names()) - set(made)):
+    for name in () if goes_on else sorted(set(QUARTERLY_NAMES) - set(made)):
         (folder / name).unlink(missing_ok=True)
     return [folder / name for name in ("map.yaml", "track.csv", "curve.csv", *made)]
-
-
-def _quarterly_names() -> list[str]:
-    """The names of all files that a run may have for its quarters."""
-    return [name.format(percent) for name in QUARTERLY for percent in range(0, 101, 25)]
 
 
 def check_run_files(sources: list[str], folder: Path | None, state: Path | None) -> None:
@@ -167,11 +160,12 @@ def check_run_files(sources: list[str], folder: Path | None, state: Path | None)
         ConfigError: They have not, or would be.
     """
     from layoutexplore.files import check_file, check_kept
+    from layoutexplore.files.run_folders import QUARTERLY_NAMES
     from layoutexplore.maps.library import source_files
 
     kept = [file for source in sources for file in source_files(source)]
     if folder is not None:
-        names = ("map.yaml", "map.pgm", "track.csv", "curve.csv", *_quarterly_names())
+        names = ("map.yaml", "map.pgm", "track.csv", "curve.csv", *QUARTERLY_NAMES)
         check_kept([folder / name for name in names], kept)
     if state is not None:
         check_file(state, suffixes=(".npz",), option="--save-state", kept=kept)
