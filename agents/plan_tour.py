@@ -14,7 +14,6 @@ import numpy as np
 
 from layoutexplore.agents.base import register
 from layoutexplore.agents.foreseen_floor import ForeseenFloor
-from layoutexplore.agents.looking_around import LOOK_EVERY, LookingAround
 from layoutexplore.agents.omniscient.route_planner import (
     NOTHING_PLANNED,
     PlannedRoute,
@@ -29,6 +28,7 @@ from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import Cell
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.options import option
+from layoutexplore.simulation.looking_around import LOOK_EVERY, LookingAround
 
 NEAR_WAY = 2.0
 """Metres: a frontier at most so far from where a path leaves what is known is in its way."""

@@ -12,13 +12,13 @@ from typing import TypeVar
 
 from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
-from layoutexplore.agents.looking_around import LOOK_EVERY, LookingAround
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.tour_features import BEGUN, SURE, area_left, ready_frontiers
 from layoutexplore.grids.arrays import Ints, Mask
 from layoutexplore.options import check_kind, option
+from layoutexplore.simulation.looking_around import LOOK_EVERY, LookingAround
 
 
 @dataclass(frozen=True, kw_only=True)

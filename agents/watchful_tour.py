@@ -17,13 +17,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.agents.base import register
-from layoutexplore.agents.looking_around import LookingAround
 from layoutexplore.agents.room_aware import LookingTour, RoomAwareTourOptions
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.tour_features import ready_frontiers, tour_weights
 from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.options import option
+from layoutexplore.simulation.looking_around import LookingAround
 
 
 @dataclass(frozen=True, kw_only=True)

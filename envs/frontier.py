@@ -17,11 +17,12 @@ from layoutexplore.envs.privileged import PrivilegedView
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.envs.viewer import Viewer
 from layoutexplore.errors import ConfigError, checks_making
-from layoutexplore.frontiers.decision import STOP
+from layoutexplore.frontiers.decision import STOP, Choice
 from layoutexplore.grids.arrays import Cells, Mask
 from layoutexplore.options import COUNT, NON_NEGATIVE, check_kind
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.looking_around import LookingAround
 
 
 @checks_making
@@ -156,6 +157,8 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | | your own with `rooms(decision)` or `predict(decision)`, or None |
     | `reward` | a name or a callable |
     | `observation` | an `ObservationConfig` |
+    | `look_every` | metres after which the robot looks all around on its way, where its lidar does not and |
+    | | turning is free; the step ends there if that shows anything new (0: never) |
     | `invalid_penalty` | subtracted from the reward of an invalid action (0.1) |
     | `max_invalid_actions` | per episode (100) |
     | `render_mode`, `render_size` | `human`, `rgb_array`, `ansi` or None; (width, height) in pixels |
@@ -181,6 +184,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         predictor: object = None,
         reward: str | Reward = "path_length",
         observation: ObservationConfig | None = None,
+        look_every: float = 0.0,
         invalid_penalty: float = 0.1,
         max_invalid_actions: int = 100,
         render_mode: str | None = None,
@@ -201,6 +205,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         self.observation_space = self.observation_config.space
         self.action_space = spaces.Discrete(self.observation_config.max_frontiers + 1)
         self._privileged: PrivilegedView | None = None
+        self._looking = LookingAround(float(NON_NEGATIVE.convert("look_every", look_every)))
         self._invalid_penalty = float(NON_NEGATIVE.convert("invalid_penalty", invalid_penalty))
         self._max_invalid_actions = COUNT.convert("max_invalid_actions", max_invalid_actions)
 
@@ -209,6 +214,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode; `options` may set the `plan` and the `start` (x, y[, theta])."""
         self._begin(seed, options)
+        self._looking.forget()
         self._invalid_actions = 0
         if self.observation_config.privileged and self._ledger:
             self._privileged = PrivilegedView(self.observation_config, self.simulation, self._ledger)
@@ -229,7 +235,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         penalty = 0.0
         if not simulation.done:
             if self._mask[choice]:
-                simulation.step(STOP if choice == stop else choice)
+                self._go(STOP if choice == stop else choice)
             else:
                 penalty = self._count_invalid()
         reward, terminated, truncated = self._finish()
@@ -252,6 +258,13 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         if self._simulation is None:
             raise ResetNeeded("no action is valid before reset(): call it first")
         return self._mask.astype(np.bool_)
+
+    def _go(self, choice: int) -> None:
+        """Act on a choice until the next one is due."""
+        piece: Choice | None = self._looking.begin(self.simulation.decision, choice)
+        while piece is not None:
+            decision = self.simulation.step(piece)
+            piece = None if self.simulation.done else self._looking.keep_on(decision, anew=True)
 
     def _count_invalid(self) -> float:
         self._invalid_actions += 1

@@ -41,6 +41,7 @@ def environment_arguments(config: TrainingConfig) -> dict[str, Any]:
     }
     if config.chooses_frontiers:
         arguments["predictor"] = config.predictor
+        arguments["look_every"] = config.look_every
         arguments["reward"] = PathToMarks(**config.reward)
         arguments["observation"] = ObservationConfig(local_map=False, tour=config.tour, **config.observation)
     elif config.max_steps:

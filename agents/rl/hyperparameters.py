@@ -221,8 +221,8 @@ class TrainingConfig:
         max_steps: Steps after which an episode is cut off, 0 for never; of Motion-v0 only.
         network: Of Frontier-v0 only.
         imitation: Of "maskable-ppo" only.
-        look_every: Metres after which the policy looks all around on its way, where the lidar sees a part of
-            it and turning is free, 0 for never; training does not. Of "maskable-ppo" only.
+        look_every: Metres after which the robot looks all around on its way and may choose anew, where the
+            lidar sees a part of it and turning is free, 0 for never. Of "maskable-ppo" only.
         tour: The tour behind the frontiers' features, where "tour-search" starts; of Frontier-v0 only.
         search: Of "tour-search" only.
         generator: Keyword arguments of `PlanSampler`, for generated plans.

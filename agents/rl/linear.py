@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from layoutexplore.agents.looking_around import LookingAround
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ObservationConfig, encode_frontiers
 from layoutexplore.errors import ConfigError, ResultsError, checks_calls, checks_making
@@ -14,6 +13,7 @@ from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.frontiers.table import Frontier, FrontierList
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.options import SEED, check_kind
+from layoutexplore.simulation.looking_around import LookingAround
 
 
 @checks_calls

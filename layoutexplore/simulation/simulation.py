@@ -20,6 +20,7 @@ from layoutexplore.errors import ConfigError, checks_calls, shortened
 from layoutexplore.frontiers.decision import PATHS, STOP, Choice, Decision, Predictor, Privileged, Truth
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import cells_in_view, facing, remaining_share
+from layoutexplore.frontiers.walks import NO_SIGHTS, checked_walk
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.maps.floorplan import FloorPlan
@@ -32,7 +33,6 @@ from layoutexplore.simulation.robot import Motion, Robot
 from layoutexplore.simulation.second_look import SCANS
 from layoutexplore.simulation.state import SimulationState, begin_run, checked_config, is_noisy, world_of
 from layoutexplore.simulation.stop_reasons import StopReason
-from layoutexplore.simulation.walks import NO_SIGHTS, checked_walk
 
 __all__ = ["Motion", "Simulation", "SimulationConfig"]
 

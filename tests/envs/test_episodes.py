@@ -21,7 +21,9 @@ from layoutexplore.envs.plans import PlanSource
 from layoutexplore.errors import ConfigError, LayoutExploreError, StartError, UnknownNameError
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.predictors import make_predictor
 from layoutexplore.sensing.lidar import LidarConfig, sensor
+from layoutexplore.simulation.episode import play
 from layoutexplore.simulation.robot import OdometryNoise
 from tests.envs.cases import FRONTIER, IDS, MOTION, cases, choose, make, rollout, rooms
 from tests.plans import SIX_ROOMS
@@ -116,6 +118,7 @@ def test_stepping_needs_a_running_episode(name: str) -> None:
         (FRONTIER, {"invalid_penalty": float("nan")}),
         (FRONTIER, {"invalid_penalty": -1.0}),
         (FRONTIER, {"max_invalid_actions": 0}),
+        (FRONTIER, {"look_every": -0.5}),
         (MOTION, {"max_steps": 0}),
         (MOTION, {"max_steps": 2.5}),
     ],
@@ -207,6 +210,22 @@ def test_stopping_early_can_be_ruled_out() -> None:
         assert info["action_mask"][stop] == (info["frontier_count"] == 0)
         *_, terminated, truncated, info = env.step(0)
     assert STOP_REASONS[info["stop_reason"]] in ("coverage", "no_frontier")
+
+
+def test_looking_around_is_choosing_as_a_policy_that_does() -> None:
+    agent = make_agent("policy")
+    options = {"plan": "office-01", "sensor": "stage", "predictor": "layout"}
+    env = make(FRONTIER, look_every=0.5, **options).unwrapped
+    for seed in (0, 1):
+        _, info = env.reset(seed=seed)
+        over, steps = False, 0
+        while not over:
+            *_, terminated, truncated, info = env.step(np.argmax(agent.logits(env.simulation.decision)))
+            over, steps = terminated or truncated, steps + 1
+        alone = Simulation(env.simulation.plan, SimulationConfig(sensor="stage"), make_predictor("layout"))
+        curve = play(alone, agent, seed=info["simulation_seed"]).curve
+        np.testing.assert_array_equal(curve[:, :2], env.simulation.curve[:, :2])
+        assert steps < info["decisions"], "without news the robot goes on"
 
 
 def test_an_episode_tells_its_plan() -> None:

@@ -59,13 +59,14 @@ class LookingAround:
             plan: Chooses where to go.
             anew: Choose again as soon as anything was seen on the way; without news the robot goes on.
         """
-        if anew and self.pays(decision):
-            known = int(np.count_nonzero(decision.grid.cells != UNKNOWN))
-            if known != self._known:
-                self._goal = None
-            self._known = known
-        choice = self.go_on(decision)
+        choice = self.keep_on(decision, anew=anew)
         return self.begin(decision, plan(decision)) if choice is None else choice
+
+    def keep_on(self, decision: Decision, *, anew: bool) -> Choice | None:
+        """The next piece of the way that was chosen; None where a choice is due: see `choose`."""
+        if anew and self._goal is not None and _known(decision) != self._known:
+            self._goal = None
+        return self.go_on(decision)
 
     def go_on(self, decision: Decision) -> Choice | None:
         """The next piece of the way that was chosen; None where its goal is gone, or there is none."""
@@ -90,12 +91,18 @@ class LookingAround:
         if steps is None:
             return choice
         self._goal = choice if isinstance(choice, PATHS) else decision.frontiers[choice]
+        self._known = _known(decision)
         return Walk(steps, choice.sights) if isinstance(choice, Walk) else steps
 
     def pays(self, decision: Decision) -> bool:
         """Whether a stop is worth it, and the look costs nothing."""
         shows_more = self._with_any_lidar or not decision.sensor.full_turn
         return self.every > 0 and shows_more and not decision.turn_cost
+
+
+def _known(decision: Decision) -> int:
+    """Cells that have been seen."""
+    return int(np.count_nonzero(decision.grid.cells != UNKNOWN))
 
 
 def _still_there(decision: Decision, goal: Frontier) -> int | None:

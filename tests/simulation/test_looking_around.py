@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from layoutexplore.agents import make_agent
-from layoutexplore.agents.looking_around import LookingAround
 from layoutexplore.frontiers.decision import STOP, Choice, Walk, path_of, remembers
+from layoutexplore.simulation.looking_around import LookingAround
 from tests.agents.cases import CORRIDOR, decide, looking, run
 
 AHEAD = "####################\n#........R.........#\n####################"

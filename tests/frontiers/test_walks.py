@@ -9,12 +9,12 @@ import pytest
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision, Walk
+from layoutexplore.frontiers.walks import checked_walk
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import FREE, UNKNOWN, Cell, Pose
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
-from layoutexplore.simulation.walks import checked_walk
 
 CORRIDOR = "\n".join(["#" * 42, "#" + "a" * 40 + "#", "#" + "a" * 40 + "#", "#" * 42])
 """40 m by 2 m at a metre a letter; a sensor of 5 m range sees an eighth of it."""
