@@ -378,7 +378,6 @@ class Simulation:
             state.note_change(state.mapper.mark_occupied(state.robot.touched(dx, dy)).box)
         if state.distance >= state.max_distance:
             new = self._scan().new_cells
-            state.finish(StopReason.BUDGET)
         return Motion(moved, collided, new)
 
     def _scan(self, full_turn: bool = False) -> ScanUpdate:
@@ -395,6 +394,8 @@ class Simulation:
         state.note_scan(state.distance, state.coverage.share)
         if state.coverage.share >= self.config.coverage_goal:
             state.finish(StopReason.COVERAGE)
+        if state.distance >= state.max_distance:
+            state.finish(StopReason.BUDGET)
         if self.on_scan:
             self.on_scan(self)
         return update

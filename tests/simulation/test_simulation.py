@@ -138,6 +138,16 @@ def test_who_looks_ahead_turns_to_look_all_around() -> None:
         assert simulation.distance == pytest.approx(0.1 * turns * 2 * math.pi)
 
 
+def test_turning_spends_the_budget() -> None:
+    simulation = Simulation(three_rooms(), SimulationConfig(sensor="stage", turn_cost=1.0, max_distance=10.0))
+    here = simulation.reset(seed=0).grid.nearest_cell(*simulation.robot.pose[:2])
+    looks = 0
+    while not simulation.done and looks < 9:
+        simulation.step(np.array([here], np.int32))
+        looks += 1
+    assert (simulation.stop_reason, looks) == ("budget", 2)
+
+
 def test_stops() -> None:
     simulation = Simulation(three_rooms(), SimulationConfig(max_distance=2.0, sensor="short"))
     decision = simulation.reset(seed=0)
