@@ -67,7 +67,8 @@ def geometry_of(feature: Any) -> BaseGeometry:
         'POINT (1 2)'
     """
     try:
-        whole: BaseGeometry = shapely.force_2d(as_shape(feature["geometry"]))
+        with np.errstate(invalid="ignore"):  # shapely warns about NaN; without it there is no geometry
+            whole: BaseGeometry = shapely.force_2d(as_shape(feature["geometry"]))
     except Exception:  # whatever shapely, GEOS and NumPy say of coordinates that are none
         return Polygon()
     return whole if (np.abs(shapely.get_coordinates(whole)) <= MOST_METRES).all() else Polygon()

@@ -112,9 +112,12 @@ def test_what_is_dropped_is_said(tmp_path: Path) -> None:
         (LineString([(0, 0), (40, 0)]), {"fid": 6}),
         (box(0, 0, 9, 5), {"art": "Wall"}),
         (Polygon(), {"fid": 8}),
+        (Polygon([(70, 70), (77, 70), (70, 71)]), {"fid": 7}),
     )
+    path.write_text(path.read_text().replace("77.0", "NaN"))
     with pytest.warns(MapWarning) as caught:
         plan = load_plan(path, columns={"kind": "art"})
+    assert {warning.category for warning in caught} == {MapWarning}
     said = " ".join(str(warning.message) for warning in caught)
     parts = ("crossed themselves", "without a usable width", "of kind 'wall'", "without a usable geometry")
     for part in parts:
