@@ -33,6 +33,11 @@ class WatchfulTourOptions(RoomAwareTourOptions):
     patience: float = option(
         2.5, "weight of the tour's length against the mean way to a square metre", low=0.0
     )
+    doubted: float = option(
+        3.0,
+        "m2 to be expected of a closed frontier, as its class may be wrong, from which on it does not wait",
+        low=0.0,
+    )
     step: float = option(0.5, "metres after which the robot looks around and plans anew", low=0.2)
 
 
@@ -48,11 +53,12 @@ class WatchfulTour(LookingTour[WatchfulTourOptions]):
 
     def plan(self, decision: Decision) -> Choice:
         """The index of the tour's first frontier."""
-        ready = ready_frontiers(decision, self.options.min_size, self.options.area)
+        options = self.options
+        ready = ready_frontiers(decision, options.min_size, options.area, options.doubted)
         if len(ready) < 2:
             return int(ready[0])
         weights = promised_areas(decision, ready)
-        return int(plan_latency_tour(decision, ready, self.options.patience, weights)[0])
+        return int(plan_latency_tour(decision, ready, options.patience, weights)[0])
 
 
 def promised_areas(decision: Decision, chosen: Ints) -> Floats:

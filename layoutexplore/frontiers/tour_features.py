@@ -109,18 +109,31 @@ def sizeable_frontiers(decision: Decision, min_size: float = TOUR_SIZE) -> Ints:
 
 
 @checks_arguments
-def ready_frontiers(decision: Decision, min_size: float = TOUR_SIZE, area: float = LITTLE_LEFT) -> Ints:
+def ready_frontiers(
+    decision: Decision, min_size: float = TOUR_SIZE, area: float = LITTLE_LEFT, doubted: float = np.inf
+) -> Ints:
     """Indices int64 (k,) of the sizeable frontiers that need not wait; of all sizeable ones when all would.
 
     Args:
         decision: The decision.
         min_size: Metres; smaller frontiers count only when all are smaller.
         area: Square metres; closed frontiers with less left wait.
+        doubted: Square metres; those do not of which as much is to be expected, as their class may be wrong.
     """
     chosen = sizeable_frontiers(decision, min_size)
     table = decision.table
     goes = (table.closed[chosen] <= 0.0) | (table.expected_area[chosen] >= area)
+    goes |= _area_in_doubt(decision, chosen) >= doubted
     return chosen[goes] if goes.any() else chosen
+
+
+def _area_in_doubt(decision: Decision, chosen: Ints) -> Floats:
+    """Square metres float64 (k,) behind closed frontiers in the mean: what is in view where they are open."""
+    table = decision.table
+    in_view = np.minimum(table.visible_area[chosen], MOST_AREA)
+    sure = np.where(table.confidence[chosen] > 0.0, table.confidence[chosen], 1.0)
+    areas: Floats = sure * table.expected_area[chosen] + (1.0 - sure) * in_view
+    return areas
 
 
 def tour_weights(decision: Decision, chosen: Ints, config: TourConfig = PLAIN_TOUR) -> Floats:

@@ -392,10 +392,7 @@ class Simulation:
             state.coverage.update(state.mapper.grid.cells, update.box)
         state.note_change(update.box)
         state.note_scan(state.distance, state.coverage.share)
-        if state.coverage.share >= self.config.coverage_goal:
-            state.finish(StopReason.COVERAGE)
-        if state.distance >= state.max_distance:
-            state.finish(StopReason.BUDGET)
+        state.finish_where_due(self.config.coverage_goal)
         if self.on_scan:
             self.on_scan(self)
         return update

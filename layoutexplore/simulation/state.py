@@ -125,6 +125,13 @@ class SimulationState:
         """The run is over, unless it was before."""
         self.stop_reason = self.stop_reason or reason
 
+    def finish_where_due(self, coverage_goal: float) -> None:
+        """The run is over where this share has been seen, or the budget is spent."""
+        if self.coverage.share >= coverage_goal:
+            self.finish(StopReason.COVERAGE)
+        if self.distance >= self.max_distance:
+            self.finish(StopReason.BUDGET)
+
     def note_change(self, box: Box) -> None:
         """The grid's cells in a box (half open) may have changed."""
         self.changed = union(self.changed, box)

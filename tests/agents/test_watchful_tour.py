@@ -43,6 +43,16 @@ def test_a_closed_frontier_is_worth_what_is_left_behind_it() -> None:
     assert promised_areas(decision, np.array([2, 0])).tolist() == [30.0, 2.0]
 
 
+def test_a_closed_frontier_that_may_be_open_does_not_wait() -> None:
+    decision = decide(CORRIDOR, (1, 9, 2.0, 50.0), (1, 2, 2.0, 9.0))
+    decision = judged(decision, closed=[True, False], area=[0.5, 9.0])
+    assert [f.viewpoint.col for f in decision.frontiers] == [9, 2]
+    for option, goes in ((":doubted=3.5", 1), ("", 0)):
+        agent = make_agent(f"watchful-tour{option}")
+        agent.reset(0)
+        assert agent.plan(decision) == goes
+
+
 def test_it_goes_a_step_at_a_time() -> None:
     decision = judged(decide(CORRIDOR, (1, 17, 2.0, 9.0)), closed=[False], area=[9.0])
     agent = make_agent("watchful-tour:step=2")

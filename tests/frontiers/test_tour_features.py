@@ -97,6 +97,18 @@ def test_who_is_ready() -> None:
     ]
 
 
+def test_what_may_be_judged_wrong_does_not_wait() -> None:
+    sure, unsure, untold = (
+        replace(frontier(x, closed=True, area=0.5), visible_area=50.0, confidence=confidence)
+        for x, confidence in ((1.0, 0.99), (2.0, 0.9), (3.0, None))
+    )
+    several = on_a_line(sure, unsure, untold, frontier(4.0))
+    assert ready_frontiers(several).tolist() == [3]
+    assert ready_frontiers(several, doubted=3.0).tolist() == [1, 3], "0.9 of 0.5 m2 and a tenth of 30 m2"
+    assert ready_frontiers(several, doubted=3.5).tolist() == [3]
+    assert ready_frontiers(several, doubted=0.79).tolist() == [0, 1, 3], "0.99 of 0.5 m2, 0.01 of 30 m2"
+
+
 def test_a_decision_without_frontiers_has_no_features() -> None:
     features = tour_features(decision([], np.zeros((1, 2))))
     assert features.rank.shape == features.detour.shape == (0,)
