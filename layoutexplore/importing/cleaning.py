@@ -8,7 +8,7 @@ import numpy as np
 from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
-from layoutexplore.grids.morphology import grow
+from layoutexplore.grids.morphology import grow, opened_by_box
 
 SPECK_AREA = 0.03
 """Square metres; obstacles up to this area that touch nothing else are noise (a chair's leg is one, too)."""
@@ -80,8 +80,7 @@ def _touching(parts: Mask, other: Mask, *, least: float) -> Mask:
 def _without_rays(free: Mask, resolution: float) -> Mask:
     """The free space without its slivers; the corners of what is wide stay."""
     width = in_cells(RAY_WIDTH, resolution)
-    square = np.ones((width, width), np.uint8)
-    wide = cv2.morphologyEx(free.astype(np.uint8), cv2.MORPH_OPEN, square) > 0
+    wide = opened_by_box(free, width, width)
     if not wide.any():
         return free
     return grow(wide, free, RAY_WIDTH / resolution)
