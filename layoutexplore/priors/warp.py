@@ -98,7 +98,7 @@ class WarpedPlacement:
         matrix, shift = matrix_of(self.placement)
         # From the corner on: world coordinates of a country's grid are too large for single precision.
         x, y = (((np.arange(n) + 0.5) * resolution).astype(np.float32) for n in shape[::-1])
-        corner = np.float32(matrix @ np.array(low) + shift)
+        corner = (matrix @ np.array(low) + shift).astype(np.float32)
         found = [
             np.float32(matrix[k, 1]) * y[:, None] + np.float32(matrix[k, 0]) * x + corner[k] for k in (0, 1)
         ]
