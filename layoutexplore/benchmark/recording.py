@@ -22,7 +22,7 @@ from layoutexplore.benchmark.counterfactual import Counterfactual, DecisiveDecis
 from layoutexplore.errors import ResultsError, checks_calls
 from layoutexplore.files.archives import ArrayRule, check_arrays
 from layoutexplore.files.limits import limits, raise_it
-from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask, shows_shapes
+from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Mask, shows_shapes, stored_places
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.options import NATURAL
@@ -45,7 +45,8 @@ class Recording:
             0 never.
         occupied: bool (rows, cols), whether it was occupied then, and not free.
         flips: int32 (k, 2), later changes between free and occupied: number of the scan, number of the cell.
-        poses: float32 (n, 3), where the robot believed to be at each scan: x, y in metres, theta in radians.
+        poses: float (n, 3), where the robot believed to be at each scan: x, y in metres, theta in radians;
+            as `stored_places` has them.
         decided: int32 (d, 2), of each decision: number of scans before it, index of the frontier that was
             gone to among those of the decision (-1: none).
         shown: int32 (d + 1,), where the frontiers of each decision begin in `frontiers`.
@@ -61,7 +62,7 @@ class Recording:
     first: Ints32
     occupied: Mask
     flips: Ints32
-    poses: Floats32
+    poses: NDArray[np.floating[Any]]
     decided: Ints32
     shown: Ints32
     frontiers: Ints32
@@ -243,7 +244,7 @@ class Recorder:
             first=grown.first,
             occupied=grown.begun == OCCUPIED,
             flips=np.concatenate([np.empty((0, 2), np.int32), *grown.flips]),
-            poses=np.round(np.array(self._poses, np.float32).reshape(-1, 3), 3),
+            poses=np.round(stored_places(np.array(self._poses, np.float64).reshape(-1, 3)), 3),
             decided=np.array(self._decided, np.int32).reshape(-1, 2),
             shown=np.array(self._shown, np.int32),
             frontiers=np.array(self._frontiers, np.int32).reshape(-1, 2),

@@ -62,7 +62,7 @@ from layoutexplore.files import (
     write_arrays,
     write_atomically,
 )
-from layoutexplore.grids.arrays import Floats, Mask
+from layoutexplore.grids.arrays import Floats, Mask, stored_places
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.simulation.episode import Episode
 
@@ -184,11 +184,11 @@ class ResultsFolder:
         return self.path / "runs" / safe_name(plan) / name
 
     def save_episode(self, row: Row, episode: Episode, recording: Recording | None = None) -> None:
-        """Write a run's curve float32 (n, 2), its track float32 (m, 3), what the layout changed, a replay.
+        """Write a run's curve float32 (n, 2), its track (m, 3), what the layout changed, a replay.
 
         The row is kept beside them: where results.csv is damaged, nothing is lost.
         """
-        arrays = {"curve": episode.curve.astype(np.float32), "track": episode.track.astype(np.float32)}
+        arrays = {"curve": episode.curve.astype(np.float32), "track": stored_places(episode.track)}
         notes = to_arrays(episode.notes) if episode.notes else {}
         replay = recording_to_arrays(recording) if recording else {}
         write_arrays(self.curve_path(row), {**arrays, **notes, **replay, "row": np.array(format_row(row))})

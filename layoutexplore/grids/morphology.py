@@ -92,6 +92,42 @@ def with_neighbours(mask: Mask) -> Mask:
     return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
 
 
+def opened_by_box(mask: Mask, rows: int, cols: int) -> Mask:
+    """The cells of a mask that a box of so many rows and columns covers that lies in it, or half outside.
+
+    Args:
+        mask: bool (rows, cols).
+        rows: Of the box, 1 or more.
+        cols: Of the box.
+
+    Example:
+        >>> opened_by_box(np.array([[True, False, False, True, True, False]]), 1, 2).tolist()
+        [[True, False, False, True, True, False]]
+    """
+    box, row, col = np.ones((rows, cols), np.uint8), rows // 2, cols // 2
+    # A box of an even side has no middle: it may lie at one place more than there are cells, and on the way
+    # back its other middle counts, or all would move by a cell.
+    spare = (0, 1 - rows % 2), (0, 1 - cols % 2)
+    inside = cv2.erode(np.pad(mask, spare, constant_values=True).view(np.uint8), box, anchor=(col, row))
+    covered = cv2.dilate(inside, box, anchor=(cols - 1 - col, rows - 1 - row))
+    return np.asarray(covered[: mask.shape[0], : mask.shape[1]] > 0)
+
+
+def closed_by_box(mask: Mask, rows: int, cols: int) -> Mask:
+    """A mask, and what is too narrow around it for a box of so many rows and columns: see `opened_by_box`.
+
+    Args:
+        mask: bool (rows, cols).
+        rows: Of the box, 1 or more.
+        cols: Of the box.
+
+    Example:
+        >>> closed_by_box(np.array([[True, False, True, False, False, True]]), 1, 2).tolist()
+        [[True, True, True, False, False, True]]
+    """
+    return ~opened_by_box(~mask, rows, cols)
+
+
 @lru_cache(maxsize=32)
 def disc(radius: float, *, closed: bool = False) -> Bytes:
     """The cells within a radius of a middle one, centre to centre, as uint8 (n, n) of 0 and 1.

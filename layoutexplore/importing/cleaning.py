@@ -8,7 +8,7 @@ import numpy as np
 from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
-from layoutexplore.grids.morphology import grow
+from layoutexplore.grids.morphology import grow, opened_by_box, with_neighbours
 
 SPECK_AREA = 0.03
 """Square metres; obstacles up to this area that touch nothing else are noise (a chair's leg is one, too)."""
@@ -68,10 +68,13 @@ def _beside_mass(parts: Mask, other: Mask) -> Mask:
 def _touching(parts: Mask, other: Mask, *, least: float) -> Mask:
     """The parts for which a share above `least` of the cells around belongs to the other mask."""
     labels, count = label_components(parts)
-    spread = cv2.dilate(labels.astype(np.float32), np.ones((3, 3), np.uint8)).astype(np.int32)
-    around = np.where(parts, 0, spread)
-    total = np.bincount(around.ravel(), minlength=count + 1)
-    shared = np.bincount(around[other], minlength=count + 1)
+    rows, cols = np.nonzero(with_neighbours(parts) & ~parts)
+    wide = np.pad(labels, 1)
+    beside = np.sort([wide[rows + r, cols + c] for r in range(3) for c in range(3)], axis=0)
+    # A cell between two parts counts for both, for each of them once.
+    once = np.diff(beside, axis=0, prepend=0) > 0
+    total = np.bincount(beside[once], minlength=count + 1)
+    shared = np.bincount(beside[once & other[rows, cols]], minlength=count + 1)
     chosen = shared > least * np.maximum(total, 1)
     chosen[0] = False
     return np.asarray(chosen[labels], np.bool_)
@@ -80,8 +83,7 @@ def _touching(parts: Mask, other: Mask, *, least: float) -> Mask:
 def _without_rays(free: Mask, resolution: float) -> Mask:
     """The free space without its slivers; the corners of what is wide stay."""
     width = in_cells(RAY_WIDTH, resolution)
-    square = np.ones((width, width), np.uint8)
-    wide = cv2.morphologyEx(free.astype(np.uint8), cv2.MORPH_OPEN, square) > 0
+    wide = opened_by_box(free, width, width)
     if not wide.any():
         return free
     return grow(wide, free, RAY_WIDTH / resolution)

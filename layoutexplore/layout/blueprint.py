@@ -21,7 +21,7 @@ from layoutexplore.errors import ConfigError, MapError, MissingExtraError, check
 from layoutexplore.files.images import read_pixels
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
-from layoutexplore.grids.morphology import with_neighbours
+from layoutexplore.grids.morphology import closed_by_box, opened_by_box, with_neighbours
 from layoutexplore.grids.outside import find_outside
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION
 from layoutexplore.layout.limits import cells_at_most
@@ -248,9 +248,8 @@ def _tinted_boxes(image: Bytes, ink: Mask, resolution: float, config: BlueprintC
     tinted = ink & (brightness > 0.15 * 255 * count) & (tint > config.tint * brightness)
     box = max(cells_at_most(config.symbol_size / 4, resolution, longest), 2)
     # Light glyphs stand in dark boxes; walls and letters are thinner than a box.
-    closed = cv2.morphologyEx(tinted.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((box, box), np.uint8))
-    opened = cv2.morphologyEx(closed, cv2.MORPH_OPEN, np.ones((2 * box, 2 * box), np.uint8))
-    _, part, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=8)
+    wide = opened_by_box(closed_by_box(tinted, box, box), 2 * box, 2 * box)
+    _, part, stats, _ = cv2.connectedComponentsWithStats(wide.view(np.uint8), connectivity=8)
     low = (
         np.minimum(stats[:, cv2.CC_STAT_WIDTH], stats[:, cv2.CC_STAT_HEIGHT]) * resolution
         <= config.symbol_size
@@ -262,10 +261,10 @@ def _tinted_boxes(image: Bytes, ink: Mask, resolution: float, config: BlueprintC
 def _bridge(walls: Mask, boxes: Mask, length: int) -> Mask:
     """The walls, and what is behind symbols in line with walls on both sides, bool (h, w)."""
     for shape in ((1, length // 3 + 1), (length // 3 + 1, 1)):
-        strokes = cv2.morphologyEx(walls.astype(np.uint8), cv2.MORPH_OPEN, np.ones(shape, np.uint8))
+        strokes = opened_by_box(walls, *shape)
         # Several symbols stand in a row.
-        gap = np.ones([1 if side == 1 else 4 * length for side in shape], np.uint8)
-        walls = walls | ((cv2.morphologyEx(strokes, cv2.MORPH_CLOSE, gap) > 0) & boxes)
+        rows, cols = (1 if side == 1 else 4 * length for side in shape)
+        walls = walls | (closed_by_box(strokes, rows, cols) & boxes)
     return walls
 
 
@@ -274,8 +273,7 @@ def _without_symbols(ink: Mask, resolution: float, config: BlueprintConfig) -> M
     usual = _usual_width(_large(ink, config.symbol_size / resolution))
     least = cells_at_most(config.wall_width, resolution, max(ink.shape) + 1)
     width = max(least, round(config.wall_share * usual))
-    thick = cv2.morphologyEx(ink.astype(np.uint8), cv2.MORPH_OPEN, np.ones((width, width), np.uint8)) > 0
-    return _large(thick, config.symbol_size / resolution)
+    return _large(opened_by_box(ink, width, width), config.symbol_size / resolution)
 
 
 def _usual_width(ink: Mask) -> float:

@@ -111,9 +111,15 @@ class RoomPredictor(Protocol):
 
 @checks_arguments
 def classes_in(rooms: RoomLabels, decision: Decision) -> FrontierClasses:
-    """The classes of frontiers against predicted rooms, by the rule that holds for the true ones."""
-    grid = decision.grid
-    return classify_frontiers(grid.cells, decision.clusters, rooms.room_ids, rooms.passable, grid.resolution)
+    """The classes of frontiers against predicted rooms, by the rule that holds for the true ones.
+
+    The unseen rest of the building ends where the array does: of it, what is in sight can be expected.
+    """
+    grid, clusters = decision.grid, decision.clusters
+    classes = classify_frontiers(grid.cells, clusters, rooms.room_ids, rooms.passable, grid.resolution)
+    beyond = (classes.room == rooms.rest) & (classes.room > 0)
+    area = np.where(beyond, decision.table.visible_area, classes.remaining_area)
+    return dataclasses.replace(classes, remaining_area=area)
 
 
 @checks_arguments

@@ -121,11 +121,7 @@ class ReconstructedPredictor:
         if not decision.frontiers:
             return decision
         found = self._reconstruct(decision.grid)
-        classes = classes_in(found.rooms, decision)
-        # The unseen rest of the building ends where the array does: of it, what is in sight can be expected.
-        beyond = classes.room == found.rooms.rest
-        area = np.where(beyond, decision.table.visible_area, classes.remaining_area)
-        return with_classes(decision, dataclasses.replace(classes, remaining_area=area), found)
+        return with_classes(decision, classes_in(found.rooms, decision), found)
 
     def rooms(self, decision: Decision) -> RoomLabels:
         """The completed rooms."""

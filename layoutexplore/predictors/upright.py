@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -23,7 +22,7 @@ from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints32, Mask
 from layoutexplore.grids.flood import grow_labels
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
-from layoutexplore.grids.morphology import with_neighbours
+from layoutexplore.grids.morphology import closed_by_box, with_neighbours
 from layoutexplore.layout.alignment import Turned, places, turn, turn_back, turned_places
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid
 
@@ -161,13 +160,10 @@ def outlined(free: Mask) -> Cells:
 
 def _steps_filled(walls: Mask, longest: int) -> Mask:
     """Walls bool (rows, cols) with the breaks along rows and columns that are shorter than so many cells."""
-    around = np.pad(walls, longest).view(np.uint8)
-    along_rows, along_cols = (
-        np.asarray(cv2.morphologyEx(around, cv2.MORPH_CLOSE, np.ones(side, np.uint8))) > 0
-        for side in ((1, longest), (longest, 1))
-    )
+    around = np.pad(walls, longest)
+    filled = closed_by_box(around, 1, longest) | closed_by_box(around, longest, 1)
     inner = slice(longest, -longest)
-    return np.asarray((along_rows | along_cols)[inner, inner])
+    return filled[inner, inner]
 
 
 @njit(cache=True, nogil=True)

@@ -155,24 +155,24 @@ def draw_distorted(
         snaps=distortion.snaps, waves=distortion.waves, matrix=distortion.matrix, shift=distortion.shift - low
     )
     width, height = np.ceil((high - low) / resolution).astype(int).tolist()
-    true = _true_points(placed, (height, width), resolution)
-    col = (true[0] - np.float32(frame.origin.x)) / np.float32(frame.resolution) - np.float32(0.5)
-    row = (true[1] - np.float32(frame.origin.y)) / np.float32(frame.resolution) - np.float32(0.5)
+    corner = np.array([frame.origin.x, frame.origin.y])
+    true = _true_points(placed, (height, width), resolution, corner)
+    col, row = (along / np.float32(frame.resolution) - np.float32(0.5) for along in true)
     floor = cv2.remap(free.astype(np.uint8), col, row, cv2.INTER_NEAREST, borderValue=0) > 0
     ids = cv2.remap(room_ids.astype(np.float32), col, row, cv2.INTER_NEAREST, borderValue=0)
     return floor, np.where(floor, ids.astype(np.int32), 0).astype(np.int32), placed
 
 
 def _true_points(
-    distortion: Distortion, shape: tuple[int, int], resolution: float
+    distortion: Distortion, shape: tuple[int, int], resolution: float, corner: Floats
 ) -> tuple[Floats32, Floats32]:
-    """True x and y float32 (h, w) in metres of the centres of a drawing's cells."""
+    """True x and y float32 (h, w) in metres from a corner of the centres of a drawing's cells."""
     step = 1 if distortion.snaps[0].size or distortion.snaps[1].size else FIELD_STEP
     # On a lattice two nodes wider than the drawing, so that every cell lies between nodes.
     rows, cols = (-(-n // step) + 2 for n in shape)
     at_y, at_x = np.mgrid[0:rows, 0:cols] * step
     points = (np.stack([at_x.ravel(), at_y.ravel()], axis=1) + 0.5) * resolution
-    nodes = distortion.backward(points).astype(np.float32).reshape(rows, cols, 2)
+    nodes = (distortion.backward(points) - corner).astype(np.float32).reshape(rows, cols, 2)
     places: Floats32 = nodes
     if step > 1:
         # Node (i, j) stands for cell (i step, j step).

@@ -96,11 +96,11 @@ class WarpedPlacement:
             shape: (rows, cols).
         """
         matrix, shift = matrix_of(self.placement)
-        x = (low[0] + (np.arange(shape[1]) + 0.5) * resolution).astype(np.float32)
-        y = (low[1] + (np.arange(shape[0]) + 0.5) * resolution).astype(np.float32)
+        # From the corner on: world coordinates of a country's grid are too large for single precision.
+        x, y = (((np.arange(n) + 0.5) * resolution).astype(np.float32) for n in shape[::-1])
+        corner = (matrix @ np.array(low) + shift).astype(np.float32)
         found = [
-            np.float32(matrix[k, 1]) * y[:, None] + np.float32(matrix[k, 0]) * x + np.float32(shift[k])
-            for k in (0, 1)
+            np.float32(matrix[k, 1]) * y[:, None] + np.float32(matrix[k, 0]) * x + corner[k] for k in (0, 1)
         ]
         if self.lattice is not None:
             # Cell (r, c) lies at node coordinates (low + (c + 1/2) resolution - lattice.low) / spacing.

@@ -6,7 +6,10 @@
   const colours = data.colours;
   const $ = (id) => document.getElementById("replay-" + id);
   const map = $("map"), chart = $("curve"), bar = $("bar"), button = $("play");
-  const TYPES = { int8: Int8Array, uint8: Uint8Array, int16: Int16Array, int32: Int32Array, float32: Float32Array };
+  const TYPES = {
+    int8: Int8Array, uint8: Uint8Array, int16: Int16Array, int32: Int32Array,
+    float32: Float32Array, float64: Float64Array,
+  };
   let run = null, metres = 0, playing = false, last = 0, drawn = -1, wanted = 0;
 
   async function unpack(text) {

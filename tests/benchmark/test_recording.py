@@ -18,10 +18,13 @@ from layoutexplore.benchmark.recording import (
     recording_from_arrays,
     recording_to_arrays,
 )
-from layoutexplore.benchmark.rows import prepare
+from layoutexplore.benchmark.rows import Row, prepare
 from layoutexplore.benchmark.runner import run_benchmark
+from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import ResultsError
-from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.grids.grid import Pose
+from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.maps.tracing import floorplan_from_ascii, plan_from_raster
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play, run_seed, start_pose
 from layoutexplore.simulation.robot import OdometryNoise
@@ -105,6 +108,25 @@ def test_the_choice_is_the_frontier_that_was_gone_to() -> None:
     noted = recorder.end()
     counts = np.diff(noted.shown)
     assert noted.decided[:, 1].tolist() == np.minimum(1, counts - 1).tolist() and counts.max() > 1
+
+
+def test_places_in_the_coordinates_of_a_country_are_kept_to_a_millimetre(tmp_path: Path) -> None:
+    near = floorplan_from_ascii(HOUSE, resolution=0.6).rasterize(0.1)
+    far = PlanRaster(near.occupied, near.room_ids, 0.1, Pose(4.56e5, 5.654e6))
+    simulation, agent = prepare(plan_from_raster(far, name="far"), SimulationConfig(), "nearest")
+    recorder, believed = Recorder(), []
+
+    def scan(state: Simulation) -> None:
+        recorder.note_scan(state)
+        believed.append(state.robot.believed)
+
+    simulation.on_scan = scan
+    episode = play(simulation, agent, on_step=recorder.note_decision)
+    folder, row = ResultsFolder(tmp_path), Row(plan="far", start=0, sensor="stage", agent="nearest", seed=0)
+    folder.save_episode(row, episode, recorder.end())
+    kept = folder.recording(row)
+    assert kept is not None and np.abs(kept.poses - np.array(believed)).max() < 1e-3
+    assert np.abs(folder.episode(row)[1] - episode.track).max() < 1e-3
 
 
 def test_runs_do_not_notice(config: BenchmarkConfig, tmp_path: Path) -> None:

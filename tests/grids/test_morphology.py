@@ -11,7 +11,15 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 
-from layoutexplore.grids.morphology import dilate_by_disc, disc, disc_offsets, grow, inflate
+from layoutexplore.grids.morphology import (
+    closed_by_box,
+    dilate_by_disc,
+    disc,
+    disc_offsets,
+    grow,
+    inflate,
+    opened_by_box,
+)
 
 
 @settings(deadline=None, max_examples=40)
@@ -64,3 +72,18 @@ def test_dilation_by_a_large_disc_is_that_by_its_cells(mask: NDArray[np.bool_], 
     radius = math.sqrt(squared)
     expected = cv2.dilate(mask.view(np.uint8), disc(radius, closed=True)) > 0
     assert np.array_equal(dilate_by_disc(mask, radius), expected)
+
+
+masks = st.tuples(st.integers(1, 9), st.integers(1, 9)).flatmap(lambda shape: arrays(np.bool_, shape))
+
+
+@settings(deadline=None, max_examples=100)
+@given(masks, st.integers(1, 5), st.integers(1, 5))
+def test_a_box_of_any_side_opens_and_closes_in_place(mask: NDArray[np.bool_], rows: int, cols: int) -> None:
+    expected = np.zeros_like(mask)
+    for row in range(-(rows // 2), mask.shape[0] - (rows - rows // 2) + 1):
+        for col in range(-(cols // 2), mask.shape[1] - (cols - cols // 2) + 1):
+            box = np.s_[max(row, 0) : row + rows, max(col, 0) : col + cols]
+            expected[box] |= mask[box].all()
+    assert np.array_equal(opened_by_box(mask, rows, cols), expected)
+    assert np.array_equal(closed_by_box(~mask, rows, cols), ~expected)

@@ -55,3 +55,18 @@ def test_unseen_spots_inside_become_floor_but_hollows_of_walls_do_not() -> None:
     cells[37:39, 60:100] = -1
     clean = without_noise(OccupancyGrid(cells, 0.05)).cells
     assert (clean[100:105, 100:106] == 0).all() and (clean[37:39, 60:100] == -1).all()
+
+
+def test_a_mirrored_map_is_cleaned_alike() -> None:
+    """Whatever the numbers of specks and holes that have a cell between them."""
+    rng = np.random.default_rng(0)
+    for _ in range(30):
+        cells, chance = np.zeros((60, 70), np.int8), rng.random((60, 70))
+        cells[:, 40:] = -1
+        cells[chance < 0.1] = 100
+        cells[:, 37:][chance[:, 37:] > 0.9] = 0
+        cells[:, :44][(chance[:, :44] > 0.8) & (chance[:, :44] < 0.9)] = -1
+        clean, mirrored = (
+            without_noise(OccupancyGrid(np.ascontiguousarray(c), 0.05)).cells for c in (cells, cells[:, ::-1])
+        )
+        assert np.array_equal(clean, mirrored[:, ::-1])

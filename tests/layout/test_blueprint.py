@@ -41,6 +41,16 @@ def test_walls_stay_and_symbols_go():
     assert len(reconstruct(grid, "rose2").rooms) == 2
 
 
+@pytest.mark.parametrize("width", [4, 6, 8, 10])
+def test_walls_lie_where_they_are_drawn(width):
+    """Whether strokes are removed by a box of an even or an odd side."""
+    image = np.full((220, 460, 3), 255, np.uint8)
+    cv2.rectangle(image, (30, 30), (430, 190), (90, 90, 90), width)
+    cv2.line(image, (230, 30), (230, 190), (90, 90, 90), width)
+    occupied = grid_from_blueprint(image, 0.05, config=SILENT).occupied[::-1]
+    assert np.array_equal(occupied, image[..., 0] < 255)
+
+
 def test_templates_are_erased():
     image = plan()
     cv2.rectangle(image, (340, 80), (380, 100), (10, 10, 10), -1)

@@ -49,3 +49,10 @@ def test_high_ids_are_as_good_as_low_ones(decision: Decision, number: int, dtype
 def test_what_are_no_ids_is_named(decision: Decision, inner: Numbered) -> None:
     with pytest.raises(ConfigError, match="predictor 'own'"):
         OwnPredictor("own", inner).predict(decision)
+
+
+def test_of_the_unseen_rest_an_open_frontier_promises_what_is_in_sight(decision: Decision) -> None:
+    predictor = OwnPredictor("own", Numbered(1))
+    rest = predictor.rooms(decision).rest
+    beyond = [f for f in predictor.predict(decision).frontiers if f.room == rest]
+    assert beyond and all(f.expected_area == f.visible_area for f in beyond)

@@ -101,13 +101,15 @@ def test_class_room_and_area_follow_from_the_lines_by_hand(method: str, cells: i
     assert (inner == seen).all()
 
 
-@pytest.mark.parametrize("method", ["rose2", "default", "distance"])
-def test_what_an_open_frontier_promises_does_not_depend_on_the_size_of_the_array(method: str) -> None:
+@pytest.mark.parametrize(
+    "predictor", [*("reconstruct:rose2", "reconstruct:default", "reconstruct:distance"), *("none", "hull")]
+)
+def test_what_an_open_frontier_promises_does_not_depend_on_the_size_of_the_array(predictor: str) -> None:
     grid = two_rooms()
     wide = OccupancyGrid(np.pad(grid.cells, 40, constant_values=-1), 0.1, Pose(-4.0, -4.0, 0.0))
     areas = []
     for known in (grid, wide):
-        judged = make_room_predictor(f"reconstruct:{method}").predict(decide(known))
+        judged = make_room_predictor(predictor).predict(decide(known))
         (outside,) = [f for f in judged.frontiers if f.centroid[0] > 8.0]
         assert not outside.is_closed
         areas.append(outside.expected_area)

@@ -109,6 +109,16 @@ def test_a_turned_map_is_upright_and_its_frontiers_are_free(degrees: float) -> N
     assert np.sort(rows)[-2:].min() > 70, "the long walls lie along rows"
 
 
+@pytest.mark.parametrize("degrees", [17.0, -31.0])
+def test_walls_of_a_turned_map_are_as_thick_at_any_resolution(degrees: float) -> None:
+    cells, angle = room_at(degrees), math.radians(degrees)
+    fine, coarse = (
+        upright_view(OccupancyGrid(cells, resolution), FrontierClusters.of([]), angle).grid.occupied.sum()
+        for resolution in (0.05, 0.1)
+    )
+    assert fine == pytest.approx(coarse, rel=0.05)
+
+
 def test_rooms_of_a_turned_map_keep_all_that_is_seen() -> None:
     plan = turned_plan(load_plan("office-04"), 17.0)
     decision: Decision = Simulation(plan, SimulationConfig(sensor="indoor")).reset(seed=1)

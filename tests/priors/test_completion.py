@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.maps.floorplan import Door, FloorPlan
 from layoutexplore.priors import completion
@@ -39,6 +39,13 @@ def test_unseen_rooms_are_foreseen_where_they_are(kind: str) -> None:
         assert np.bincount(ids).max() / len(ids) > 0.9
     assert not found.room_ids[found.cells != FREE].any()
     assert (found.cells[unseen & ~truth.free & (found.cells == OCCUPIED)] == OCCUPIED).any()
+
+
+def test_a_plan_is_drawn_alike_where_coordinates_are_those_of_a_country() -> None:
+    near = seen_part(office(), 0.5)
+    far = OccupancyGrid(near.cells, near.resolution, Pose(near.origin.x + 4.56e5, near.origin.y + 5.654e6))
+    here, there = (PlanOnMap().foresee(registered(grid), grid, 0.9, "prior") for grid in (near, far))
+    assert (here.cells != there.cells).mean() < 1e-3 and (here.room_ids != there.room_ids).mean() < 1e-3
 
 
 def test_far_outside_nothing_is_foreseen() -> None:

@@ -7,6 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from layoutexplore.grids.grid import Pose
+from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.priors.distortion import Distortion, draw_distorted, random_waves, scale_matrix, snap_pairs
 from tests.priors.cases import office
 
@@ -61,3 +63,11 @@ def test_the_drawing_shows_floor_where_the_distortion_says(step: float) -> None:
         x, y = placed.forward(np.array(room.polygon.centroid.coords))[0]
         assert free[int(y / 0.1), int(x / 0.1)] and ids[int(y / 0.1), int(x / 0.1)] == room.id
     assert not ids[~free].any()
+
+
+def test_the_drawing_does_not_depend_on_where_the_building_lies() -> None:
+    near = office().rasterize(0.1)
+    far = PlanRaster(near.occupied, near.room_ids, 0.1, Pose(near.origin.x + 4.56e5, near.origin.y + 5.654e6))
+    distortion = Distortion(matrix=scale_matrix((1.2, 1.1), False, math.radians(30.0)))
+    here, there = (draw_distorted(r.free, r.room_ids, r, distortion, 0.1)[1] for r in (near, far))
+    assert here.shape == there.shape and (here != there).mean() < 1e-3
