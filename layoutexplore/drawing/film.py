@@ -129,7 +129,7 @@ class Film:
         """Write the last frame, once more."""
         assert self._ffmpeg is not None and self._ffmpeg.stdin is not None and self._last is not None
         try:
-            self._ffmpeg.stdin.write(self._last)
+            self._ffmpeg.stdin.write(self._last.data)
         except OSError as error:
             self._finish()
             raise WriteError(f"{self.path}: cannot write the film: {error.strerror}") from error
