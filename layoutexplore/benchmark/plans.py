@@ -62,7 +62,8 @@ def check_names(entries: Iterable[PlanEntry]) -> None:
     for plan in entries:
         if plan.name in seen:
             raise ConfigError(
-                f"two floor plans are called {plan.name!r}: {seen[plan.name]} and {plan.source}"
+                f"two floor plans are called {plan.name!r}: {seen[plan.name]} and {plan.source}; name one of "
+                'them alone, or change its name (the member "name" of our GeoJSON, else the file\'s)'
             )
         seen[plan.name] = plan.source
 

@@ -31,6 +31,7 @@ class RunWatcher:
         agent: Name of the strategy.
         pictures: Whether to keep a picture and the rooms believed of each quarter.
         state_file: Where the run's state is kept; nowhere when None.
+        goes_on: Whether the run goes on from a saved one, which has seen the quarter it begins in.
 
     Attributes:
         pictures: PNG files by percent seen.
@@ -38,8 +39,17 @@ class RunWatcher:
         priors: PNG files of a plan known beforehand, over the map as it is believed to lie.
     """
 
-    def __init__(self, line: ProgressLine, agent: str, *, pictures: bool, state_file: Path | None) -> None:
+    def __init__(
+        self,
+        line: ProgressLine,
+        agent: str,
+        *,
+        pictures: bool,
+        state_file: Path | None,
+        goes_on: bool = False,
+    ) -> None:
         self._line, self._agent, self._draws, self._file = line, agent, pictures, state_file
+        self._quarter = None if goes_on else -1
         self._saved = 0.0
         self.pictures: dict[int, bytes] = {}
         self.layouts: dict[int, dict[str, Any]] = {}
@@ -60,9 +70,9 @@ class RunWatcher:
         if not state.done:
             self._asked += 1
             self._believed += state.decision.foresee is not None
-        quarter = 25 * int(4 * state.coverage)
-        if self._draws and (quarter not in self.pictures or state.done):
-            self._keep_picture(state, 100 if state.done else quarter)
+        before, self._quarter = self._quarter, 25 * int(4 * state.coverage)
+        if self._draws and (state.done or (before is not None and self._quarter > before)):
+            self._keep_picture(state, 100 if state.done else self._quarter)
         if self._file and time.monotonic() - self._saved >= SAVED_EVERY:
             self.save(state)
 
@@ -203,6 +213,8 @@ def summary(row: Row, *, filmed: bool, back: str = "", prior: str = "") -> Table
 
     table = Table(box=None, show_header=False, pad_edge=False)
     reached = {"d90": row.reached90, "d95": row.reached95, "d99": row.reached99}
+    # A saved run that was over has no decision left that could be timed.
+    took = f", {row.ms_decision_median:.2f} ms each (median)" if row.ms_decision_median else ""
     missed = {n: "not measured" if math.isnan(getattr(row, n)) else "not reached" for n in reached}
     lines = [
         ("floor plan", f"{row.plan}, {row.target_area:.0f} m² to see"),
@@ -221,7 +233,7 @@ def summary(row: Row, *, filmed: bool, back: str = "", prior: str = "") -> Table
             for name, ok in reached.items()
         ),
         *([("prior plan", prior)] if prior else ()),
-        ("decisions", f"{row.decisions}, {row.ms_decision_median:.2f} ms each (median)"),
+        ("decisions", f"{row.decisions}{took}"),
         ("scans", f"{row.scans}"),
         ("took", f"{row.wall_seconds:.1f} s{', filming included' if filmed else ''}"),
     ]

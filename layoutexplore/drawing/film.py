@@ -3,33 +3,32 @@
 from __future__ import annotations
 
 import os
+import re
+import subprocess
 import tempfile
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, checks_making, require
+from layoutexplore.errors import ConfigError, WriteError, checks_making, require
 from layoutexplore.files import put_in_place
 from layoutexplore.grids.arrays import Bytes
 from layoutexplore.options import Rule, check_kind
 
 SUFFIXES = (".mp4", ".gif")
 
-_KINDS: dict[str, dict[str, Any]] = {
-    ".mp4": {"codec": "libx264", "macro_block_size": 2},
-    ".gif": {
-        "codec": "gif",
-        "macro_block_size": 1,
-        "pix_fmt_out": "pal8",
-        "quality": None,
+_KINDS = {
+    ".mp4": (
+        *("-vcodec", "libx264", "-pix_fmt", "yuv420p", "-crf", "25"),
+        *("-vf", "scale=trunc((iw+1)/2)*2:trunc((ih+1)/2)*2"),  # H.264 has no odd sizes.
+    ),
+    ".gif": (
+        *("-vcodec", "gif", "-pix_fmt", "pal8"),
         # Each frame has colours of its own: those of all would be known only when the last one is there.
-        "output_params": [
-            "-filter_complex",
-            "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1:dither=none",
-        ],
-    },
+        "-filter_complex",
+        "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1:dither=none",
+    ),
 }
 """How ffmpeg writes each kind of file."""
 
@@ -59,8 +58,8 @@ class Film:
         Rule(above=0.0, high=120.0).convert("frames per second", fps)
         self.path = path
         self.fps = fps
-        self._ffmpeg: Any = require("imageio_ffmpeg", "bench")
-        self._writer: Any = None
+        self._program = str(require("imageio_ffmpeg", "bench").get_ffmpeg_exe())
+        self._ffmpeg: subprocess.Popen[bytes] | None = None
         self._last: Bytes | None = None
 
     def __enter__(self) -> Film:
@@ -69,7 +68,7 @@ class Film:
             self._folder = tempfile.TemporaryDirectory(dir=self.path.parent, prefix=".film-")
         except OSError as error:
             raise ConfigError(f"{self.path}: a film cannot be written there: {error.strerror}") from error
-        self._unfinished = Path(self._folder.name) / self.path.name
+        self._unfinished = Path(self._folder.name) / f"film{self.path.suffix.lower()}"
         return self
 
     def add(self, frame: Bytes) -> None:
@@ -77,26 +76,73 @@ class Film:
 
         Raises:
             ConfigError: It has another size than the first one.
+            WriteError: The film cannot be written; the disk is full, for one.
         """
         if self._last is None:
-            height, width = frame.shape[:2]
-            kind = _KINDS[self.path.suffix.lower()]
-            self._writer = self._ffmpeg.write_frames(
-                str(self._unfinished), (width, height), fps=self.fps, **kind
-            )
-            self._writer.send(None)
+            self._ffmpeg = self._begin(*frame.shape[:2])
         elif frame.shape != self._last.shape:
             raise ConfigError(f"all frames of a film have one size, {self._last.shape}; got {frame.shape}")
         self._last = np.ascontiguousarray(frame)
-        self._writer.send(self._last)
+        self._send()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._last is not None:
-            for _ in range(round(HOLD_SECONDS * self.fps) if kind is None else 0):
-                self._writer.send(self._last)
-            self._writer.close()
-        if kind is None and self._last is not None:
-            put_in_place(self._unfinished, self.path)
-        self._folder.cleanup()
+        try:
+            if kind is None and self._last is not None:
+                for _ in range(round(HOLD_SECONDS * self.fps)):
+                    self._send()
+                self._finish()
+                put_in_place(self._unfinished, self.path)
+        except OSError as wrong:
+            raise WriteError(f"{self.path}: cannot write: {wrong.strerror or wrong}") from wrong
+        finally:
+            if self._ffmpeg is not None:
+                self._ffmpeg.kill()
+                self._ffmpeg.communicate()
+            self._folder.cleanup()
+
+    def _begin(self, height: int, width: int) -> subprocess.Popen[bytes]:
+        """Start the program that writes the film; Ctrl-C is not for it."""
+        raw = (
+            "-f",
+            "rawvideo",
+            "-pix_fmt",
+            "rgb24",
+            "-s",
+            f"{width}x{height}",
+            "-r",
+            f"{self.fps}",
+            "-i",
+            "-",
+        )
+        command = (self._program, "-v", "error", "-y", *raw, "-an", *_KINDS[self._unfinished.suffix])
+        return subprocess.Popen(
+            [*command, str(self._unfinished)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+
+    def _send(self) -> None:
+        """Write the last frame, once more."""
+        assert self._ffmpeg is not None and self._ffmpeg.stdin is not None and self._last is not None
+        try:
+            self._ffmpeg.stdin.write(self._last.data)
+        except OSError as error:
+            self._finish()
+            raise WriteError(f"{self.path}: cannot write the film: {error.strerror}") from error
+
+    def _finish(self) -> None:
+        """Wait until the film is written.
+
+        Raises:
+            WriteError: It cannot be.
+        """
+        assert self._ffmpeg is not None
+        _, told = self._ffmpeg.communicate()
+        if self._ffmpeg.returncode:
+            lines = told.decode(errors="replace").splitlines() or ["ffmpeg does not say why"]
+            reason = re.sub(r"^\[.*?\] ", "", lines[-1])
+            raise WriteError(f"{self.path}: cannot write the film: {reason}")

@@ -24,6 +24,9 @@ TINY_ROOM, LOST_AREA = 1.5, 1.0
 NARROW_DOOR, WIDE_OPENING = 0.5, 3.0
 """Metres; narrower doors are leaks of the map, and openings wider than this tell nothing about its scale."""
 
+THICKEST_WALL = 1.5
+"""Metres; a door whose middle is farther from a room that it leads to is not in a wall of it."""
+
 DOOR_WIDTHS = (0.7, 1.4)
 """Metres between which the median door of a building lies (0.8 to 1.2 with something for gaps and grids)."""
 
@@ -190,14 +193,16 @@ def _rooms(plan: FloorPlan) -> Iterator[Finding]:
 
 
 def _doors(plan: FloorPlan) -> Iterator[Finding]:
+    rooms = {room.id: room.polygon for room in plan.rooms}
     for number, door in enumerate(plan.doors):
+        x, y = (door.start[0] + door.end[0]) / 2, (door.start[1] + door.end[1]) / 2
         if door.width < NARROW_DOOR:
-            yield Finding(
-                "narrow door",
-                f"door {number}, {_sides(door)}, is only {door.width:.2f} m wide: a leak in a wall?",
-                (door.start[0] + door.end[0]) / 2,
-                (door.start[1] + door.end[1]) / 2,
-            )
+            text = f"door {number}, {_sides(door)}, is only {door.width:.2f} m wide: a leak in a wall?"
+            yield Finding("narrow door", text, x, y)
+        away = max((rooms[room].distance(shapely.Point(x, y)) for room in door.rooms if room), default=0.0)
+        if away > THICKEST_WALL:
+            text = f"door {number}, {_sides(door)}, lies {away:.1f} m from them: is its line right?"
+            yield Finding("lost door", text, x, y)
 
 
 def _sides(door: Door) -> str:

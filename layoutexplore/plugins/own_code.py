@@ -26,7 +26,8 @@ from layoutexplore.files.reading import read_bytes
 from layoutexplore.plugins.own_files import digest_of_files, files_of, names_of, own_file
 from layoutexplore.plugins.tracebacks import told
 
-_FILE = re.compile(r"(?P<place>[^=]*?\.py):(?P<name>[A-Za-z_]\w*)(?=:|$)")
+# A folder may be called lr=0.1, but "layout-tour:predictor=mine.py:MyRooms" is no file.
+_FILE = re.compile(r"(?P<place>[^:]*?\.py|[^=]*?\.py):(?P<name>[A-Za-z_]\w*)(?=:|$)")
 _MODULE = re.compile(r"(?P<place>[A-Za-z_]\w*(\.[A-Za-z_]\w*)*):(?P<name>[A-Za-z_]\w*)(?=:|$)")
 
 

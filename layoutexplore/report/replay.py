@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import shlex
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -145,7 +146,7 @@ def replay_view(
     note = (
         "The map as the robot knew it, over the metres travelled. Rooms are those that the agent's predictor "
         f"believed when {percents} % had been seen.{rest} Any run of the folder becomes a page by "
-        f"layoutexplore replay {folder.path.name} --plan NAME --agent NAME."
+        f"layoutexplore replay {shlex.quote(folder.path.resolve().name)} --plan NAME --agent NAME."
     )
     script = (TEMPLATES / "replay.js").read_text(encoding="utf-8")
     return ReplayView(_safe(json.dumps(data)), _markup(script), note, {key: k for k, key in enumerate(keys)})

@@ -87,16 +87,18 @@ def check_start(raster: PlanRaster, robot_radius: float, start: Pose, region: Ma
 
     Raises:
         StartError: It lies outside, in a wall, or closer to an obstacle than the robot's radius (the message
-            names the nearest cell where it fits), or outside of the region.
+            names the nearest cell of the region where it fits), or outside of the region.
     """
     if not _is_pose(start):
         raise StartError(f"a start is three finite numbers (x, y, theta), got {shortened(start)}")
     x, y, theta = (float(v) for v in start)
     cell = raster.world_to_cell(x, y)
-    free = np.argwhere(~raster.blocked(robot_radius))
-    nearest = free[np.argmin(((free - np.array(cell)) ** 2).sum(axis=1))] if len(free) else np.array(cell)
-    near_x, near_y = raster.cell_to_world(int(nearest[0]), int(nearest[1]))
-    hint = f"; the nearest free place is ({near_x:.2f}, {near_y:.2f})"
+    fits = ~raster.blocked(robot_radius)
+    free, hint = np.argwhere(fits if region is None else fits & region), ""
+    if len(free):
+        row, col = free[np.argmin(((free - np.array(cell)) ** 2).sum(axis=1))].tolist()
+        near_x, near_y = raster.cell_to_world(row, col)
+        hint = f"; the nearest free place is ({near_x:.2f}, {near_y:.2f})"
     rows, cols = raster.shape
     if not (0 <= cell.row < rows and 0 <= cell.col < cols):
         raise StartError(f"the start ({x:.2f}, {y:.2f}) lies outside the floor plan{hint}")
@@ -105,7 +107,7 @@ def check_start(raster: PlanRaster, robot_radius: float, start: Pose, region: Ma
     if raster.blocked(robot_radius)[cell]:
         raise StartError(f"the start ({x:.2f}, {y:.2f}) is closer than {robot_radius} m to an obstacle{hint}")
     if region is not None and not region[cell]:
-        raise StartError(f"the start ({x:.2f}, {y:.2f}) lies outside of the region that is explored")
+        raise StartError(f"the start ({x:.2f}, {y:.2f}) lies outside of the region that is explored{hint}")
     return Pose(x, y, math.remainder(theta, 2 * math.pi))
 
 

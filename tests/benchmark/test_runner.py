@@ -198,7 +198,7 @@ def test_unknown_names_are_told_before_anything_runs(config: BenchmarkConfig, tm
 def test_two_plans_of_one_name(plans: Path, tmp_path: Path) -> None:
     (tmp_path / "house.geojson").write_bytes((plans / "house.geojson").read_bytes())
     config = BenchmarkConfig(plans=(str(plans), str(tmp_path / "house.geojson")), agents=("nearest",))
-    with pytest.raises(ConfigError, match="two floor plans are called 'house'"):
+    with pytest.raises(ConfigError, match=r"two floor plans are called 'house': .*; name one of them alone"):
         run_benchmark(config, tmp_path / "out")
 
 

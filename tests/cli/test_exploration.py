@@ -73,6 +73,19 @@ def test_a_folder_holds_the_pictures_of_one_run(plan: str, tmp_path: Path) -> No
     assert before < set(folder.iterdir()), "a run that goes on keeps the pictures of its beginning"
 
 
+def test_a_run_that_goes_on_draws_what_an_unbroken_one_draws(plan: str, tmp_path: Path) -> None:
+    whole, parts, state = tmp_path / "whole", tmp_path / "parts", tmp_path / "run.npz"
+    explore(plan, "--sensor", "indoor", "--out", str(whole))
+    begins = ["--sensor", "indoor", "--save-state", str(state), "--out", str(parts)]
+    seen = line(explore(plan, *begins, "--pause-after", "9"), "seen")
+    assert float(seen.split()[0]) % 25 > 0, "it pauses within a quarter"
+    goes_on = ["--continue", str(state), "--save-state", str(state), "--out", str(parts)]
+    first, again = explore(plan, *goes_on), explore(plan, *goes_on)
+    for picture in sorted(whole.glob("seen_*.png")):
+        assert (parts / picture.name).read_bytes() == picture.read_bytes(), picture.name
+    assert "ms each" in line(first, "decisions") and "ms each" not in line(again, "decisions")
+
+
 def test_a_run_is_not_written_over_rooms_that_it_reads(plan: str, tmp_path: Path) -> None:
     explore(plan, "--sensor", "indoor", "--agent", "layout-tour", "--out", str(tmp_path))
     # In a folder of floor plans, they and the pictures are none.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.drawing.film import Film
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, WriteError
 
 
 @pytest.mark.parametrize("suffix", [".gif", ".mp4"])
@@ -51,6 +51,39 @@ def test_a_film_that_breaks_leaves_nothing(tmp_path: Path) -> None:
         film.add(np.zeros((64, 96, 3), np.uint8))
         raise ZeroDivisionError
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("frames", [1, 200])
+@pytest.mark.parametrize("suffix", [".gif", ".mp4"])
+def test_a_film_without_room_on_the_disk_is_an_error_and_leaves_the_one_before(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], suffix: str, frames: int
+) -> None:
+    import resource
+
+    path = tmp_path / f"film{suffix}"
+    path.write_bytes(b"the film before")
+    noise = np.random.default_rng(0).integers(0, 256, (frames, 120, 160, 3), np.uint8)
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    film = Film(path)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
+    try:
+        with pytest.raises(WriteError, match=r"film\.\w+: cannot write the film: .*[a-z]$"), film:
+            for frame in noise:
+                film.add(frame)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert path.read_bytes() == b"the film before"
+    assert list(tmp_path.iterdir()) == [path]
+    assert capfd.readouterr().err == ""
+
+
+def test_a_gif_of_two_colours_says_nothing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    frame = np.zeros((64, 96, 3), np.uint8)
+    frame[::2] = np.arange(96)[:, None] * 2
+    frame[::3, :, 1] = 7
+    with Film(tmp_path / "film.gif") as film:
+        film.add(frame)
+    assert capfd.readouterr().err == ""
 
 
 def test_films_of_other_kinds(tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -78,6 +80,13 @@ def test_rooms_without_doors_have_their_places() -> None:
         )
     lost = [finding for finding in find_faults(plan) if finding.kind == "out of reach"]
     assert len(lost) == 4
+
+
+def test_a_door_far_from_its_rooms_is_found() -> None:
+    plan = flat_of_boxes(0.0)
+    door = dataclasses.replace(plan.doors[0], start=(0.0, 40.0), end=(0.9, 40.0))
+    moved = dataclasses.replace(plan, doors=(door, *plan.doors[1:]))
+    assert "lost door" in kinds(moved) and "lost door" not in kinds(plan)
 
 
 def test_tiny_rooms_and_narrow_doors() -> None:

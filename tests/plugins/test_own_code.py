@@ -22,8 +22,9 @@ def reference(path: str, name: str = "VALUE") -> Reference:
 def test_what_is_a_reference() -> None:
     assert reference_in("a/b.py:C:x=1,y=2") == Reference("a/b.py:C", "a/b.py", "C")
     assert reference_in(r"C:\code\b.py:C") == Reference(r"C:\code\b.py:C", r"C:\code\b.py", "C")
+    assert reference_in("lr=0.1/b.py:C:x=1") == Reference("lr=0.1/b.py:C", "lr=0.1/b.py", "C")
     assert reference_in("json.decoder:JSONDecoder") is not None
-    for text in ("nearest:min_size=1", "tour", "office:3", "reconstruct:rose2", "mine.py", "x=a.py:C"):
+    for text in ("nearest:min_size=1", "tour", "office:3", "reconstruct:rose2", "mine.py", "tour:x=a.py:C"):
         assert reference_in(text) is None
 
 

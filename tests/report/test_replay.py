@@ -68,6 +68,17 @@ def test_what_is_packed_is_what_was_recorded(folder: ResultsFolder) -> None:
     assert view.link(rows[1], 3.14159) == "#replay=1@3.14"
 
 
+def test_the_command_of_other_runs_names_the_folder_as_a_shell_reads_it(
+    folder: ResultsFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    place = tmp_path / "my results"
+    shutil.copytree(folder.path, place)
+    monkeypatch.chdir(place)
+    for path in (place, Path()):
+        view = replay_view(ResultsFolder(path), folder.rows())
+        assert view is not None and "layoutexplore replay 'my results' --plan NAME" in view.note
+
+
 def test_only_what_there_is_room_for(folder: ResultsFolder) -> None:
     rows = folder.rows()
     every = replay_view(folder, rows)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,14 @@ def test_starts_lie_inside() -> None:
         explored(((-9.0, -9.0), (-8.0, -9.0), (-8.0, -8.0)))
     config = SimulationConfig(region=WEST)
     assert all(start_pose(offices(), config, 0, k).x < 9.0 for k in range(8))
+
+
+@pytest.mark.parametrize("x", [15.0, 90.0])
+def test_the_place_that_a_wrong_start_is_told_is_one_to_start_from(x: float) -> None:
+    with pytest.raises(StartError, match="the nearest free place is") as told:
+        explored(WEST, start=Pose(x, 3.3, 0.0))
+    near_x, near_y = map(float, re.findall(r"-?\d+\.\d+", str(told.value))[-2:])
+    assert explored(WEST, start=Pose(near_x, near_y, 0.0)).coverage > 0.9
 
 
 def test_regions_are_checked() -> None:
