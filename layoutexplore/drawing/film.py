@@ -104,18 +104,7 @@ class Film:
 
     def _begin(self, height: int, width: int) -> subprocess.Popen[bytes]:
         """Start the program that writes the film; Ctrl-C is not for it."""
-        raw = (
-            "-f",
-            "rawvideo",
-            "-pix_fmt",
-            "rgb24",
-            "-s",
-            f"{width}x{height}",
-            "-r",
-            f"{self.fps}",
-            "-i",
-            "-",
-        )
+        raw = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {self.fps} -i -".split()
         command = (self._program, "-v", "error", "-y", *raw, "-an", *_KINDS[self._unfinished.suffix])
         return subprocess.Popen(
             [*command, str(self._unfinished)],
