@@ -200,7 +200,7 @@ def _fill(
         if ":" in cluster:
             watcher.say(RUNS_CODE)
         at_a_time = f", {jobs} at a time" if jobs > 1 else ""
-        watcher.say(f"exploring: {len(missing)} runs{at_a_time}")
+        watcher.say(f"exploring: {counted(len(missing), 'run')}{at_a_time}")
     work = sum(task.plan.reachable_area for task in missing)
     areas, done = {plan.name: plan.reachable_area for plan in plans}, 0.0
     unasked: set[str] = set()

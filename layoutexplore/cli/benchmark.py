@@ -250,6 +250,7 @@ def run_with_progress(
 
 def _write_and_show(console: Console, outcome: Outcome) -> None:
     from layoutexplore.benchmark.analysis import compare
+    from layoutexplore.errors import counted
     from layoutexplore.report.benchmark import headline, write_benchmark_report
 
     baseline = str(outcome.folder.manifest()["baseline"])
@@ -273,7 +274,8 @@ def _write_and_show(console: Console, outcome: Outcome) -> None:
         console.print(outcome.folder.failure(row), soft_wrap=True, markup=False)
     if len(outcome.failed) > 5:
         console.print(f"... and {len(outcome.failed) - 5} more failed runs, see the report")
-    console.print(f"{len(outcome.rows)} runs, {outcome.ran} of them now. Report: {paths[0]}", soft_wrap=True)
+    runs = counted(len(outcome.rows), "run")
+    console.print(f"{runs}, {outcome.ran} of them now. Report: {paths[0]}", soft_wrap=True)
 
 
 def _table(rows: list[tuple[str, ...]]) -> Any:
