@@ -15,7 +15,7 @@ import numpy as np
 
 from layoutexplore.benchmark.analysis import agents_of, groups
 from layoutexplore.benchmark.counterfactual import LOG
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import Row, RunKey
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 
@@ -104,7 +104,7 @@ def layout_effects(rows: Iterable[Row], log_of: LogOf) -> list[LayoutEffect]:
     Runs in which nobody asked do not count.
     """
     found = []
-    digests: dict[tuple[str, int, str, str], _Digest | None] = {}
+    digests: dict[RunKey, _Digest | None] = {}
 
     def digest(row: Row) -> _Digest | None:
         if row.key not in digests:

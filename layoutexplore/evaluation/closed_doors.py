@@ -235,6 +235,5 @@ def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[
         ("iqm", weighted_interquartile_mean, iou),
         ("free", weighted_mean, [s.free_iou for s in scores]),
     ):
-        interval = cluster_bootstrap(values, clusters, statistic)
-        line |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
+        line |= cluster_bootstrap(values, clusters, statistic).as_columns(name)
     return line

@@ -114,14 +114,10 @@ def line_chart(
         points = []
         for n, value in enumerate(line):
             if math.isfinite(value.estimate):
-                ends = [end if math.isfinite(end) else value.estimate for end in (value.low, value.high)]
                 title = f"{name}, {strata[n]}: {value.estimate:.2f}"
-                low_end, high_end = (height(end) for end in ends)
-                points.append(
-                    Point(
-                        round((n + 0.5) * slot + shift, 2), height(value.estimate), low_end, high_end, title
-                    )
-                )
+                x, y = round((n + 0.5) * slot + shift, 2), height(value.estimate)
+                low_end, high_end = map(height, value.ends)
+                points.append(Point(x, y, low_end, high_end, title))
         drawn.append((name, line_path((p.x, p.y) for p in points), tuple(points)))
     ends = [points[-1].y if points else 100.0 for _, _, points in drawn]
     series = [

@@ -94,7 +94,7 @@ def forest(comparisons: Sequence[Comparison], metric: str = "d95") -> ForestPlot
 
     rows = []
     for c in shown:
-        left, right = (v if math.isfinite(v) else c.ratio.estimate for v in (c.ratio.low, c.ratio.high))
+        left, right = c.ratio.ends
         other = guards.get(c.agent)
         rows.append(
             ForestRow(
@@ -265,7 +265,7 @@ def pictures_of_tracks(
     found = []
     for plan in chosen:
         start = min(row.start for row in good if row.plan == plan and row.sensor == sensor)
-        here = [row for row in good if (row.plan, row.start, row.sensor) == (plan, start, sensor)]
+        here = [row for row in good if row.cell == (plan, start, sensor)]
         metres = {row: getattr(row, level or "distance") for row in here}
         here.sort(key=lambda row: (math.isnan(metres[row]), metres[row], row.agent))
         honest = [row for row in here if row.agent not in knowing]

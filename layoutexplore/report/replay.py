@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.benchmark.recording import ROOMS_AT, Recording
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import Row, RunKey
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import ResultsError, checks_arguments, counted
 from layoutexplore.files import write_atomically
@@ -41,7 +41,7 @@ class ReplayView:
     json: str
     script: str
     note: str
-    numbers: Mapping[tuple[str, int, str, str], int]
+    numbers: Mapping[RunKey, int]
 
     def link(self, row: Row, metres: float) -> str:
         """The address in the page of a run at a distance; empty where the run is not in the page."""
@@ -116,7 +116,7 @@ def replay_view(
     """
     runs: list[dict[str, Any]] = []
     floors: dict[str, dict[str, Any]] = {}
-    keys: list[tuple[str, int, str, str]] = []
+    keys: list[RunKey] = []
     size = 0
     for row in rows:
         recording = folder.recording(row)

@@ -28,8 +28,7 @@ from layoutexplore.evaluation.layouts import read_outlines
 from layoutexplore.files import to_toml, write_atomically
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.ros_map import load_grid
-from layoutexplore.layout.merging.merge_forest import load_forest
-from layoutexplore.layout.merging.merge_forest import save_forest as save_merge_forest
+from layoutexplore.layout.merging.merge_forest import PAIR_FOREST
 from layoutexplore.maps.closed_door_maps import read_cells
 from layoutexplore.maps.formats.building_files import floors_of
 from layoutexplore.maps.geojson import save_plan
@@ -169,9 +168,7 @@ def write_network_policy(folder: Path) -> None:
 def write_forest_file(folder: Path) -> None:
     feature, value = np.array([3, -1, 5, -1, -1], np.int32), np.array([0.5, 1.0, 2.5, -1.0, 0.25])
     left, right = np.array([1, 0, 3, 0, 0], np.int32), np.array([2, 0, 4, 0, 0], np.int32)
-    save_merge_forest(
-        Forest(feature, value, left, right, np.array([0], np.int32), 0.1), folder / "trees.json"
-    )
+    PAIR_FOREST.save(Forest(feature, value, left, right, np.array([0], np.int32), 0.1), folder / "trees.json")
 
 
 LAYERS = {"show": (2, 3, 3, 1), "judge": (3, 1, 1, 1)}
@@ -189,7 +186,7 @@ def read_network(folder: Path) -> None:
 
 
 def read_trees(folder: Path) -> None:
-    forest = load_forest(folder / "trees.json")
+    forest = PAIR_FOREST.load(folder / "trees.json")
     samples = np.zeros((9, 200))
     assert np.isfinite(forest.score(samples)).all() and len(forest.numbers) == 6
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -85,8 +84,4 @@ def foresight(
 
 def _line(score: ForesightScore) -> dict[str, Any]:
     """A line of the table, each interval as an estimate and its ends."""
-    line = dataclasses.asdict(score)
-    for key in ("d95", "d99"):
-        way = getattr(score, key)
-        line |= {key: way.estimate, f"{key}_low": way.low, f"{key}_high": way.high}
-    return line
+    return vars(score) | score.d95.as_columns("d95") | score.d99.as_columns("d99")

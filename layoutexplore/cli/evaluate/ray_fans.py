@@ -21,7 +21,7 @@ def train_fans(
 ) -> None:
     """Train what the default method tells space outside the building by, on simulated maps with noise."""
     from layoutexplore.cli.progress import progress_lines
-    from layoutexplore.layout.merging.ray_fans.classifier import save_fan_forest
+    from layoutexplore.layout.merging.ray_fans.classifier import FAN_FOREST
     from layoutexplore.maps import expand_plans
     from layoutexplore.training.map_noise.ray_fans import train_on_simulated_maps
 
@@ -30,5 +30,5 @@ def train_fans(
     names = [plan for text in plans or () for plan in expand_plans(text)]
     forest = train_on_simulated_maps(simulated, names, seed=seed, progress=progress_lines())
     note = f"log-odds that a region lies outside; trained on {simulated} simulated maps, seed {seed}"
-    save_fan_forest(forest, out, note=note)
+    FAN_FOREST.save(forest, out, note=note)
     typer.echo(f"written: {out}, {len(forest.roots)} trees")
