@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from typing import Any
 
 from layoutexplore.errors import OwnCodeError, WorkerError
 from layoutexplore.plugins.own_code import Pin, pinned, pins
@@ -91,6 +92,22 @@ def worker_pool(workers: int, begin: Callable[[], object] = int) -> Iterator[Pro
         raise WorkerError(
             f"one of {workers} worker processes was killed (out of memory?); fewer of them need less memory"
         ) from error
+
+
+@contextlib.contextmanager
+def worker_map(workers: int, begin: Callable[[], object] = int) -> Iterator[Callable[..., Iterator[Any]]]:
+    """What `map` does, in this process or in a `worker_pool` of several, in the order of what is given.
+
+    Args:
+        workers: Processes; 1 or none for this one.
+        begin: What each of them does first.
+    """
+    if workers <= 1:
+        begin()
+        yield map
+        return
+    with worker_pool(workers, begin) as pool:
+        yield pool.map
 
 
 _installed = contextlib.ExitStack()

@@ -132,10 +132,10 @@ def _learn_from(
 ) -> list[tuple[Source, ClosedDoorSamples]]:
     """The samples of all maps and plans."""
     from layoutexplore.cli.progress import ProgressLine, plain_console
-    from layoutexplore.maps import expand_plans
+    from layoutexplore.maps.library import find_plans
     from layoutexplore.training.closed_doors import collect_all, find_sources
 
-    sources = find_sources(folder, [source for spec in plans for source in expand_plans(spec)])
+    sources = find_sources(folder, find_plans(plans))
     with ProgressLine(plain_console(), "maps to learn from") as line:
         return list(
             collect_all(

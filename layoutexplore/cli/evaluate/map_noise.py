@@ -47,7 +47,7 @@ def map_noise(
 ) -> None:
     """Fit the noise; `HELP` is what the command line says."""
     from layoutexplore.cli.progress import progress_lines
-    from layoutexplore.maps import expand_plans
+    from layoutexplore.maps.library import find_plans
     from layoutexplore.training.map_noise.files import describe_folders, read_noise, write_cases
     from layoutexplore.training.map_noise.fit import fit_noise, simulate_maps, told_apart
     from layoutexplore.training.map_noise.simulate import WIDE
@@ -56,7 +56,7 @@ def map_noise(
     check_places(None, out, file="--out")
     if out is not None:
         check_file(out, suffixes=(".toml",))
-    names = [name for plan in plans for name in expand_plans(plan)]
+    names = find_plans(plans)
     config = read_noise(noise) if noise else WIDE
     table, groups = describe_folders(real, resolution)
     progress = progress_lines()
@@ -87,7 +87,7 @@ def _print_statistics(real: Floats, simulated: dict[str, SimulatedMaps]) -> None
     """Deciles 1, 5 and 9 of each statistic, and how much of the real maps the simulated ones cover."""
     from rich.table import Table
 
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.progress import print_table
     from layoutexplore.training.map_noise.fit import covered
     from layoutexplore.training.map_noise.statistics import STATISTICS
 
@@ -100,8 +100,7 @@ def _print_statistics(real: Floats, simulated: dict[str, SimulatedMaps]) -> None
         for name, table in tables.items():
             cells += [_deciles(table[:, k]), f"{100 * shares[name][statistic]:.0f} %"]
         out.add_row(statistic, *cells)
-    console = plain_console()
-    (console if console.is_terminal else plain_console(width=140)).print(out)
+    print_table(out, 140)
 
 
 def _deciles(values: Floats) -> str:

@@ -22,12 +22,12 @@ def train_fans(
     """Train what the default method tells space outside the building by, on simulated maps with noise."""
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.layout.merging.ray_fans.classifier import FAN_FOREST
-    from layoutexplore.maps import expand_plans
+    from layoutexplore.maps.library import find_plans
     from layoutexplore.training.map_noise.ray_fans import train_on_simulated_maps
 
     check_places(None, out, file="--out")
     check_file(out, suffixes=(".json",))
-    names = [plan for text in plans or () for plan in expand_plans(text)]
+    names = find_plans(plans or ())
     forest = train_on_simulated_maps(simulated, names, seed=seed, progress=progress_lines())
     note = f"log-odds that a region lies outside; trained on {simulated} simulated maps, seed {seed}"
     FAN_FOREST.save(forest, out, note=note)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -137,7 +137,6 @@ def _rows(
     jobs: int,
 ) -> list[RegistrationRow]:
     """The rows of all floors and sensors, with a line of progress."""
-    from contextlib import ExitStack
     from functools import partial
 
     from layoutexplore.cli.progress import ProgressLine, plain_console
@@ -146,7 +145,7 @@ def _rows(
     from layoutexplore.files import check_places
     from layoutexplore.maps.library import find_plans
     from layoutexplore.options import JOBS
-    from layoutexplore.plugins.transport import worker_pool
+    from layoutexplore.plugins.transport import worker_map
     from layoutexplore.priors.presets import PRESETS
     from layoutexplore.sensing.lidar import sensor as find_sensor
 
@@ -160,10 +159,7 @@ def _rows(
     jobs = min(JOBS.convert("--jobs", jobs), len(tasks))
     work = partial(rows_of_source, kinds=kinds, among=among, store=out)
     found: list[RegistrationRow] = []
-    with ProgressLine(plain_console(), "explorations") as line, ExitStack() as stack:
-        spread: Callable[..., Iterable[list[RegistrationRow]]] = map
-        if jobs > 1:
-            spread = stack.enter_context(worker_pool(jobs)).map
+    with ProgressLine(plain_console(), "explorations") as line, worker_map(jobs) as spread:
         for k, rows in enumerate(spread(work, *zip(*tasks, strict=True))):
             found += rows
             line.advance(k + 1, len(tasks), (k + 1) / len(tasks), tasks[k][0])

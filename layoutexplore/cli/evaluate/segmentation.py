@@ -91,6 +91,7 @@ def segmentation(
     from layoutexplore.evaluation.cross_validation import CrossValidationConfig
     from layoutexplore.evaluation.segmentation import evaluate_cases
     from layoutexplore.layout.pipeline import layout_method
+    from layoutexplore.maps.library import find_plans
     from layoutexplore.maps.painted_rooms import find_cases
     from layoutexplore.metrics.segmentation import PROTOCOLS
 
@@ -113,7 +114,7 @@ def segmentation(
             protocol=protocol,
             resolution=resolution,
             simulated=simulated,
-            plans=tuple(plans_of(plans)),
+            plans=tuple(find_plans(plans or ())),
             seeds=seeds,
             weights=weights_of(weight, cases),
             sources=_sources(source, cases),
@@ -243,7 +244,7 @@ def _print_all(rows: Sequence[MapScore], *, by_source: bool) -> None:
 def _print_groups(heading: str, lines: Sequence[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.progress import print_table
     from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
 
     table = Table(heading, "maps", "buildings", *HEADINGS.values(), box=None)
@@ -251,14 +252,13 @@ def _print_groups(heading: str, lines: Sequence[dict[str, Any]]) -> None:
         name = f"{line['folder']}: {line['building']}" if "building" in line else line["source"]
         values = [f"{100 * line[m]:.1f}" for m in MEASURES]
         table.add_row(name, str(line["maps"]), str(line["buildings"]), *values)
-    console = plain_console()
-    (console if console.is_terminal else plain_console(width=200)).print(table)
+    print_table(table, 200)
 
 
 def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.progress import print_table
     from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
 
     columns = "set", "method", "maps", "buildings", *HEADINGS.values(), "interval", "segments/rooms", "ms"
@@ -277,8 +277,7 @@ def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
             counts,
             f"{line['ms']:.0f}±{line['ms_std']:.0f}",
         )
-    console = plain_console()
-    (console if console.is_terminal else plain_console(width=200)).print(table)
+    print_table(table, 200)
 
 
 def _print_spread(lines: Sequence[dict[str, Any]]) -> None:
@@ -299,13 +298,6 @@ def read_buildings(path: Path) -> dict[str, str]:
         raise ConfigError(f"{path}: a CSV with the columns map and building is needed")
     of_map, building = header.index("map"), header.index("building")
     return {line[of_map]: line[building] for line in lines}
-
-
-def plans_of(folders: Sequence[str] | None) -> list[str]:
-    """The floor plans that names, files and folders stand for."""
-    from layoutexplore.maps import expand_plans
-
-    return [plan for folder in folders or () for plan in expand_plans(folder)]
 
 
 def _sources(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, str]:

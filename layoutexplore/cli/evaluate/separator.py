@@ -34,7 +34,7 @@ def train_separator(
     """
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.errors import require
-    from layoutexplore.maps import expand_plans
+    from layoutexplore.maps.library import find_plans
 
     check_places(None, out, file="--out", cache=cache)
     check_file(out, suffixes=(".safetensors",))
@@ -43,7 +43,7 @@ def train_separator(
     from layoutexplore.models.network_files import save_weights
     from layoutexplore.training.separator.network import SeparatorTrainingConfig, train_shipped_separator
 
-    names = [plan for text in plans or () for plan in expand_plans(text)]
+    names = find_plans(plans or ())
     config = SeparatorTrainingConfig(
         steps=steps, batch=batch, seed=seed, workers=workers, device=chosen_device(device)
     )

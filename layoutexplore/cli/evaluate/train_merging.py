@@ -11,7 +11,6 @@ from layoutexplore.cli.evaluate.segmentation import (
     CaseResolution,
     Simulated,
     Weights,
-    plans_of,
     read_buildings,
     weights_of,
 )
@@ -42,6 +41,7 @@ def train_merging(
     """Train the classifiers of the default method, which decide which regions of a map are one room."""
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.layout.merging.merge_tree.cut import ASKEW_PREFIX, CUT_FOREST, RAGGED_PREFIX
+    from layoutexplore.maps.library import find_plans
     from layoutexplore.maps.painted_rooms import find_cases
     from layoutexplore.training.map_noise.examples import POLYGONAL
     from layoutexplore.training.merge_trees.models import train_classifiers
@@ -57,7 +57,7 @@ def train_merging(
         cases,
         resolution=resolution,
         simulated=simulated,
-        plans=plans_of(plans),
+        plans=find_plans(plans or ()),
         seed=seed,
         weights=weights,
         progress=progress_lines(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,13 +42,14 @@ class MergingModels:
 
 def load_models() -> MergingModels:
     """The shipped models; those of unchanged files are read only once."""
-    kinds = PAIR_FOREST, CUT_FOREST
-    pairs, cut = (kind.load() for kind in kinds)
-    askew, ragged = (
-        MergingModels(*(kind.load(kind.shipped.with_name(prefix + kind.shipped.name)) for kind in kinds))
-        for prefix in (ASKEW_PREFIX, RAGGED_PREFIX)
+    return replace(_load(""), askew=_load(ASKEW_PREFIX), ragged=_load(RAGGED_PREFIX))
+
+
+def _load(prefix: str) -> MergingModels:
+    pairs, cut = (
+        kind.load(kind.shipped.with_name(prefix + kind.shipped.name)) for kind in (PAIR_FOREST, CUT_FOREST)
     )
-    return MergingModels(pairs, cut, askew, ragged)
+    return MergingModels(pairs, cut)
 
 
 MOST_ODDS = 3.0
