@@ -60,7 +60,6 @@ def _ray_casting(beams: int, reach: int) -> SpeedRow:
         unit="M/s",
         reference=others / 1e6,
         reference_name="polar cv2.remap",
-        ratio=rays / others,
         goal=f">= {_RAYS_PER_SECOND / 1e6:.0f} M/s or {_RAYS_RATIO:.0f}x",
         reached=max(rays / _RAYS_PER_SECOND, rays / others / _RAYS_RATIO),
     )
@@ -101,7 +100,6 @@ def mapping() -> Iterator[SpeedRow]:
         unit="scans/s",
         reference=in_small,
         reference_name="in 480 x 640",
-        ratio=in_large / in_small,
         goal=">= 0.9x, any map size",
         reached=in_large / in_small / 0.9,
     )
@@ -141,7 +139,6 @@ def noisy_mapping() -> Iterator[SpeedRow]:
         unit="scans/s",
         reference=alone,
         reference_name="without matching",
-        ratio=corrected / alone,
         goal=">= 500 scans/s",
         reached=corrected / 500,
     )
@@ -157,7 +154,6 @@ def _beside(
         unit="ms",
         reference=reference,
         reference_name=reference_name,
-        ratio=reference / ours,
         goal=f">= {times:g}x" + (", same values" if same is not None else ""),
         reached=reference / ours / times if same is not False else 0.0,
     )
@@ -224,7 +220,6 @@ def geodesics() -> Iterator[SpeedRow]:
         unit="ms",
         reference=40 * reference,
         reference_name="40 x csgraph",
-        ratio=40 * reference / matrix,
     )
 
 

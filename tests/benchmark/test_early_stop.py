@@ -81,6 +81,7 @@ def test_a_tried_rule_is_what_the_agent_would_have_done(tmp_path: Path) -> None:
     curves = lambda row: outcome.folder.episode(row)[0]  # noqa: E731
     found = {stop.agent: stop for stop in early_stops(outcome.rows, "nearest", curves)}
     (tried,) = tried_stops(outcome.rows, "nearest", agents[1], curves, outcome.folder.counterfactual, [8.0])
+    assert not tried_stops(outcome.rows, "nearest", "tour", curves, outcome.folder.counterfactual)
     told = found[agents[2]]
     assert tried.tried and not told.tried and any(row.stop_reason == "agent" for row in outcome.rows)
     for a, b in zip(tried.runs, told.runs, strict=True):

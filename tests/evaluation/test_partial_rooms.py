@@ -20,6 +20,7 @@ from layoutexplore.evaluation.partial_rooms_summary import (
     f1,
     matthews,
     summarise_partial_rooms,
+    summarise_parts,
 )
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.geojson import save_plan
@@ -62,6 +63,10 @@ def test_oracle_and_none(snapshots: list[Snapshot]) -> None:
         == summary["none"]["rooms"][0]["rooms"]
         == len(scores.rooms) // 2
     )
+    assert summary["oracle"]["rooms"][0]["mae_m2"] == 0.0 < summary["none"]["rooms"][0]["mae_m2"]
+    (part,) = summarise_parts(scores, "oracle", {"flat": "all"})
+    assert part["hidden_iou"] == part["leftover_accuracy"] == 1.0
+    assert (part["rooms"], part["frontiers"]) == (len(scores.rooms) // 2, len(scores.frontiers) // 2)
 
 
 def test_items_are_rooms_in_part_with_a_frontier(snapshots: list[Snapshot]) -> None:

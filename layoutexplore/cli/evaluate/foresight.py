@@ -19,11 +19,6 @@ COLUMNS = (
 )
 """Those of foresight.csv."""
 
-HELP = (
-    "Metres of plan-tour with foresight of 0, 1, 2, 3 and all doors, or of any predictor, over those of "
-    "layout-tour in the same cells; a table with intervals over buildings."
-)
-
 
 def foresight(
     plans: FloorPlans,
@@ -38,7 +33,10 @@ def foresight(
     starts: Starts = 1,
     jobs: Workers = None,
 ) -> None:
-    """Measure what foresight is worth; `HELP` is what the command line says."""
+    """Metres of plan-tour with foresight of 0, 1, 2, 3 and all doors, or of any predictor.
+
+    They are compared with those of layout-tour in the same cells; a table with intervals over buildings.
+    """
     from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.benchmark.config import BenchmarkConfig
     from layoutexplore.cli.benchmark import run_with_progress

@@ -33,12 +33,6 @@ SHOWN = (0.25, 0.5, 0.75)
 """Coverages at which one exploration is drawn."""
 
 
-HELP = (
-    "Predictors on snapshots, and the metres of layout-tour with each; a table, and pictures of what they "
-    "believed."
-)
-
-
 def in_the_loop(
     plans: FloorPlans,
     out: PageFolder,
@@ -50,7 +44,10 @@ def in_the_loop(
     starts: Starts = 2,
     jobs: Workers = None,
 ) -> None:
-    """Compare predictors in the loop; `HELP` is what the command line says."""
+    """Predictors on snapshots, and the metres of layout-tour with each.
+
+    A table, and pictures of what they believed.
+    """
     from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.benchmark.config import BenchmarkConfig
     from layoutexplore.cli.benchmark import run_with_progress

@@ -9,17 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile
-from layoutexplore.files import check_file, check_places, to_toml, write_atomically, write_json
+from layoutexplore.cli.evaluate.options import JsonFile, write_numbers
+from layoutexplore.files import check_file, check_places, to_toml, write_atomically
 
 if TYPE_CHECKING:
     from layoutexplore.grids.arrays import Floats
     from layoutexplore.training.map_noise.fit import SimulatedMaps
-
-HELP = (
-    "How well simulated grid maps pass for real ones: ten statistics, the noise fitted to real maps without "
-    "truth, and the area under the ROC curve of a classifier of the two."
-)
 
 
 def map_noise(
@@ -45,7 +40,11 @@ def map_noise(
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Fit the noise; `HELP` is what the command line says."""
+    """How well simulated grid maps pass for real ones.
+
+    Ten statistics, the noise fitted to real maps without truth, and the area under the ROC curve of a
+    classifier of the two.
+    """
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.maps.library import find_plans
     from layoutexplore.training.map_noise.files import describe_folders, read_noise, write_cases
@@ -75,9 +74,7 @@ def map_noise(
     if out is not None:
         write_atomically(out, to_toml(asdict(fitted)))
         typer.echo(f"written: {out}")
-    if json_file is not None:
-        write_json(json_file, {"auc": aucs, "noise": asdict(fitted), "real": len(table)})
-        typer.echo(f"written: {json_file}")
+    write_numbers(json_file, {"auc": aucs, "noise": asdict(fitted), "real": len(table)})
     if maps is not None:
         written = write_cases(second, maps)
         typer.echo(f"written: {written} maps with their rooms, and buildings.csv, into {maps}")

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.options import FloorPlans, JsonFile, Sensors
-from layoutexplore.files import check_places, write_json
+from layoutexplore.cli.evaluate.options import FloorPlans, JsonFile, Sensors, write_numbers
+from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
     from layoutexplore.evaluation.partial_rooms import Scores
@@ -54,12 +54,6 @@ NOTHING = {
 """What is said instead of a table without lines."""
 
 
-HELP = (
-    "Half-seen rooms: hidden IoU, room IoU, areas; closed or open frontiers; every predictor on the same "
-    "snapshots."
-)
-
-
 def partial_rooms(
     plans: FloorPlans,
     predictor: Annotated[
@@ -75,7 +69,10 @@ def partial_rooms(
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Score half-seen rooms; `HELP` is what the command line says."""
+    """Half-seen rooms and frontiers: every predictor on the same snapshots.
+
+    Hidden IoU, room IoU, areas; closed or open frontiers.
+    """
     from layoutexplore.agents import make_agent
     from layoutexplore.errors import require
     from layoutexplore.evaluation.partial_rooms import score_predictors
@@ -110,10 +107,8 @@ def partial_rooms(
     if out is not None:
         written = write_partial_rooms_report(out, scores, summary, gallery, command=command_line())
         typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
-    if json_file is not None:
-        data = {"summary": summary, "rooms": [asdict(r) for r in scores.rooms], "ms": scores.milliseconds}
-        write_json(json_file, data | {"frontiers": [asdict(f) for f in scores.frontiers]}, indent=None)
-        typer.echo(f"written: {json_file}")
+    data = {"summary": summary, "rooms": [asdict(r) for r in scores.rooms], "ms": scores.milliseconds}
+    write_numbers(json_file, data | {"frontiers": [asdict(f) for f in scores.frontiers]}, indent=None)
 
 
 def judge_explorations(

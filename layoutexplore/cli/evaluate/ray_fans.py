@@ -7,16 +7,14 @@ from typing import Annotated
 
 import typer
 
+from layoutexplore.cli.evaluate.options import PlanFolders
 from layoutexplore.files import check_file, check_places
 
 
 def train_fans(
     out: Annotated[Path, typer.Option(help="File for the numbers of the classifier.")],
     simulated: Annotated[int, typer.Option(min=1, help="Simulated maps to train on.")] = 450,
-    plans: Annotated[
-        list[str] | None,
-        typer.Option(help="Floor plans, or folders of them, to simulate from besides generated ones."),
-    ] = None,
+    plans: PlanFolders = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
 ) -> None:
     """Train what the default method tells space outside the building by, on simulated maps with noise."""

@@ -11,14 +11,6 @@ import typer
 if TYPE_CHECKING:
     from layoutexplore.evaluation.registration import RegistrationRow
 
-REGISTRATION_HELP = (
-    "Prior plans of every kind, registered while floors are explored: where foreseen doors are, how sure it "
-    "is, and how right that is; a table in the folder, and on it goes where it was."
-)
-TRAIN_PRIOR_HELP = (
-    "Fit the confidence of registered prior plans to explorations; scores by leaving buildings out."
-)
-
 KINDS = ("true", "rough", "corridors", "other-floor", "wrong", "mirrored")
 """Prior plans that are registered when none is named."""
 
@@ -46,7 +38,11 @@ Jobs = Annotated[int, typer.Option(min=1, help="Worker processes.")]
 def registration(
     plans: Plans, out: Folder, kind: Kinds = None, sensor: Sensors = None, among: Among = "", jobs: Jobs = 1
 ) -> None:
-    """Study registrations; `REGISTRATION_HELP` is what the command line says."""
+    """Prior plans of every kind, registered while floors are explored.
+
+    Where foreseen doors are, how sure it is, and how right that is; a table in the folder, and on it goes
+    where it was.
+    """
     import numpy as np
 
     from layoutexplore.evaluation.partial_rooms_summary import calibration_error
@@ -94,7 +90,7 @@ def registration(
 def train_prior(
     plans: Plans, out: Folder, kind: Kinds = None, sensor: Sensors = None, among: Among = "", jobs: Jobs = 1
 ) -> None:
-    """Fit the confidence; `TRAIN_PRIOR_HELP` is what the command line says."""
+    """Fit the confidence of registered prior plans to explorations; scores by leaving buildings out."""
     from itertools import compress
 
     import numpy as np

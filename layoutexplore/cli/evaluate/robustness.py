@@ -21,10 +21,6 @@ if TYPE_CHECKING:
 AGENTS = ("nearest", "latency-tour", "layout-tour")
 """Who explores when nobody is named."""
 
-HELP = (
-    "Strategies and predictors at each level of noise: metres, who still sees 99 %, and how right rooms are."
-)
-
 
 def robustness(
     plans: FloorPlans,
@@ -45,7 +41,7 @@ def robustness(
     starts: Starts = 1,
     jobs: Workers = None,
 ) -> None:
-    """Measure robustness; `HELP` is what the command line says."""
+    """Strategies and predictors at each level of noise: metres, who still sees 99 %, how right rooms are."""
     from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.errors import require
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms

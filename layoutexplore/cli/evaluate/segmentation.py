@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile
-from layoutexplore.files import check_places, write_json
+from layoutexplore.cli.evaluate.options import JsonFile, PlanFolders, write_numbers
+from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
     import numpy as np
@@ -57,9 +57,6 @@ Simulated = Annotated[
     typer.Option(
         min=0, help="Simulated maps to train on besides, to which come a third as many polygonal buildings."
     ),
-]
-PlanFolders = Annotated[
-    list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
 ]
 
 
@@ -192,20 +189,18 @@ def _write_results(
     from layoutexplore.evaluation.segmentation import score_groups, seed_spread, summarise_segmentation
 
     rows = [row for _, row, _ in results]
-    if json_file is not None:
-        numbers = {
-            "protocol": protocol,
-            "resolution": resolution,
-            "held_out": held_out,
-            "folds": len({row.fold for row in rows if row.fold >= 0}),
-            "maps": [asdict(r) for r in rows],
-            "summary": summarise_segmentation(rows),
-            "seeds": seed_spread(rows),
-        }
-        if any(row.source for row in rows):
-            numbers |= {by: score_groups(rows, by) for by in ("source", "building")}
-        write_json(json_file, numbers)
-        typer.echo(f"written: {json_file}")
+    numbers = {
+        "protocol": protocol,
+        "resolution": resolution,
+        "held_out": held_out,
+        "folds": len({row.fold for row in rows if row.fold >= 0}),
+        "maps": [asdict(r) for r in rows],
+        "summary": summarise_segmentation(rows),
+        "seeds": seed_spread(rows),
+    }
+    if any(row.source for row in rows):
+        numbers |= {by: score_groups(rows, by) for by in ("source", "building")}
+    write_numbers(json_file, numbers)
     if out is not None:
         from layoutexplore.processes import command_line
         from layoutexplore.report.segmentation import write_segmentation_report

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from layoutexplore.cli.evaluate.options import PlanFolders
 from layoutexplore.cli.evaluate.segmentation import (
     CaseResolution,
     Simulated,
@@ -31,9 +32,7 @@ def train_merging(
         Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")
     ] = None,
     simulated: Simulated = 450,
-    plans: Annotated[
-        list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
-    ] = None,
+    plans: PlanFolders = None,
     weight: Weights = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     resolution: CaseResolution = 0.05,
