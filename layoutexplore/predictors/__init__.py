@@ -86,6 +86,10 @@ class PriorOptions(Options):
     )
 
 
+def _shape(outline: Outline | None) -> Callable[[str, Options], RoomPredictor]:
+    return lambda name, _: ShapePredictor(name, outline)
+
+
 def _register_shipped() -> None:
     shapes: dict[str, tuple[str, Outline | None]] = {
         "none": ("no prediction; asked for rooms, what is seen of them", None),
@@ -94,7 +98,7 @@ def _register_shipped() -> None:
         "parallel-wall": ("the wall across from a seen one completes a room", parallel_outline),
     }
     for shape, (doc, outline) in shapes.items():
-        PREDICTORS.ship(shape, doc, lambda name, _, outline=outline: ShapePredictor(name, outline), Options())
+        PREDICTORS.ship(shape, doc, _shape(outline), Options())
     PREDICTORS.ship(
         "face-subset",
         "the best union of faces of the walls' lines (after Luperto and Amigoni)",

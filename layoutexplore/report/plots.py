@@ -38,8 +38,6 @@ PICTURED_PLANS = 4
 
 _DASHES = ("", "7 3", "2 3", "9 3 2 3")
 
-_RAMP = np.array(palette.RAMP, np.float64)
-
 _PIECES = 40
 
 
@@ -332,10 +330,9 @@ def track_picture(track: Floats, frame: Floats, rows: int) -> TrackPicture:
 
 
 def _ramp(t: float) -> str:
-    place = t * (len(_RAMP) - 1)
-    k = min(int(place), len(_RAMP) - 2)
-    r, g, b = np.round(_RAMP[k] + (place - k) * (_RAMP[k + 1] - _RAMP[k])).astype(int)
-    return palette.to_hex((int(r), int(g), int(b)))
+    place = t * (len(palette.RAMP) - 1)
+    k = int(place)
+    return palette.to_hex(palette.mix(palette.RAMP[k], palette.RAMP[k + 1], place - k))
 
 
 def line_path(points: Iterable[tuple[float, float]]) -> str:

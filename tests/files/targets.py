@@ -70,7 +70,7 @@ class Target:
         share: Inputs a turn: costly readers get fewer.
     """
 
-    write: Callable[[Path], None]
+    write: Callable[[Path], object]
     files: dict[str, str]
     read: Callable[[Path], object]
     share: float = 1.0
@@ -319,28 +319,28 @@ TARGETS: dict[str, Target] = {
         read=lambda folder: use_plan(folder / "plan.geojson"),
     ),
     "HouseExpo": Target(
-        write=lambda folder: void(write_houseexpo(folder)),
+        write=lambda folder: write_houseexpo(folder),
         files={"house.json": "json", "house.label_data.json": "json"},
         read=lambda folder: use_plan(folder / "house.json"),
     ),
     "school XML": Target(write=write_school, files={"school.xml": "xml"}, read=read_school),
     "IMDF": Target(
-        write=lambda folder: void(write_imdf(folder / "home")),
+        write=lambda folder: write_imdf(folder / "home"),
         files={f"home/{part}.geojson": "json" for part in ("level", "unit", "opening")},
         read=lambda folder: use_building(folder / "home"),
     ),
     "OSM": Target(
-        write=lambda folder: void(write_osm(folder / "home.osm")),
+        write=lambda folder: write_osm(folder / "home.osm"),
         files={"home.osm": "xml"},
         read=lambda folder: use_building(folder / "home.osm"),
     ),
     "osmAG": Target(
-        write=lambda folder: void(write_osmag(folder / "home.osm")),
+        write=lambda folder: write_osmag(folder / "home.osm"),
         files={"home.osm": "xml"},
         read=lambda folder: use_building(folder / "home.osm"),
     ),
     "Open-RMF": Target(
-        write=lambda folder: void(write_rmf(folder / "two.building.yaml")),
+        write=lambda folder: write_rmf(folder / "two.building.yaml"),
         files={"two.building.yaml": "yaml"},
         read=lambda folder: use_building(folder / "two.building.yaml"),
     ),
@@ -350,7 +350,7 @@ TARGETS: dict[str, Target] = {
         read=lambda folder: use_plan(folder / "lines.geojson"),
     ),
     "walls GeoJSON": Target(
-        write=lambda folder: void(write_walls(folder / "walls.geojson")),
+        write=lambda folder: write_walls(folder / "walls.geojson"),
         files={"walls.geojson": "json"},
         read=lambda folder: use_plan(folder / "walls.geojson"),
     ),
@@ -358,7 +358,7 @@ TARGETS: dict[str, Target] = {
     "ROS map": Target(write=write_ros, files={"map.yaml": "yaml", "map.pgm": "pgm"}, read=read_ros),
     "image": Target(write=write_image, files={"plain.png": "png"}, read=read_images, share=0.5),
     "KTH": Target(
-        write=lambda folder: void(write_kth(folder)),
+        write=write_kth,
         files={"50_PLAN1_occ.png": "png", "50_PLAN1_rooms.png": "png"},
         read=lambda folder: use_plan(folder / "50_PLAN1_occ.png"),
         share=0.5,
@@ -384,7 +384,3 @@ TARGETS: dict[str, Target] = {
         read=read_resume,
     ),
 }
-
-
-def void(_: object) -> None:
-    """Nothing: a function that returns something where none is wanted."""
