@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from layoutexplore.errors import OwnCodeError, WorkerError
@@ -83,7 +84,7 @@ def worker_pool(workers: int, begin: Callable[[], object] = int) -> Iterator[Pro
         WorkerError: A process died.
     """
     try:
-        pool = start_pool(workers, _install, pack_own_code(), begin)
+        pool = start_pool(workers, partial(_install, pack_own_code(), begin))
         try:
             yield pool
         finally:

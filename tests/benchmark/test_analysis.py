@@ -169,11 +169,9 @@ def test_ratios_by_plan_are_of_the_starts_that_both_ran() -> None:
 
 
 def test_who_knows_the_plan() -> None:
-    assert (
-        knows_the_plan("clairvoyant")
-        and knows_the_plan("layout-tour:predictor=oracle")
-        and not knows_the_plan("nearest")
-    )
+    assert knows_the_plan("clairvoyant")
+    assert knows_the_plan("layout-tour:predictor=oracle")
+    assert not knows_the_plan("nearest")
     assert not knows_the_plan("clairvoyant-of-tomorrow")
     assert knows_the_plan("plan-tour:predictor=prior:true") and knows_the_plan(
         "plan-tour:predictor=prior:rough"

@@ -37,11 +37,9 @@ def test_pairs_of_saved_and_lost() -> None:
         row("early", 70, 0.96, stop="agent"), row("early", 80, 0.99, plan="b"),
     ]  # fmt: skip
     (stop,) = early_stops(rows, "nearest", lambda r: CURVES[r.agent])
-    assert (
-        stop.agent == "early"
-        and stop.saved.estimate == pytest.approx(0.25)
-        and stop.lost.estimate == pytest.approx(0.015)
-    )
+    assert stop.agent == "early"
+    assert stop.saved.estimate == pytest.approx(0.25)
+    assert stop.lost.estimate == pytest.approx(0.015)
     assert stop.worst == pytest.approx(0.03) and stop.too_early == stop.stopped == 0.5
     assert stop.runs[0].baseline_saved == pytest.approx(1 - (50 + 50 * 6 / 9) / 100)
     assert stop.runs[1].baseline_saved == pytest.approx(0.0) and stop.runs[1].lost == 0.0

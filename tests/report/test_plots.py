@@ -56,11 +56,9 @@ def test_forest_without_intervals_and_with_a_guard() -> None:
     lone = dataclasses.replace(comparison("tour", 0.9), ratio=Interval(0.9, nan, nan))
     drawn = forest([lone, comparison("tour", 1.1, metric="d99")])
     (row,) = drawn.rows
-    assert (
-        row.low == row.place == row.high
-        and row.guard_place is not None
-        and row.guard_place > drawn.one > row.place
-    )
+    assert row.low == row.place == row.high
+    assert row.guard_place is not None
+    assert row.guard_place > drawn.one > row.place
 
 
 def test_a_way_starts_and_ends_where_it_should() -> None:

@@ -23,11 +23,9 @@ def test_a_judge_can_be_trained_stored_and_read(tmp_path: Path) -> None:
     forest = train_forest([example, example], MergingTrainingConfig(rounds=1, trees=5, leaves=4))
     PAIR_FOREST.save(forest, tmp_path / "model.json", note="test")
     again = PAIR_FOREST.load(tmp_path / "model.json")
-    assert (
-        (again.feature == forest.feature).all()
-        and (again.threshold == forest.threshold).all()
-        and again.bias == forest.bias
-    )
+    assert (again.feature == forest.feature).all()
+    assert (again.threshold == forest.threshold).all()
+    assert again.bias == forest.bias
     assert (merge_within(example.graph, again)[0] == merge_within(example.graph, forest)[0]).all()
 
 

@@ -39,8 +39,7 @@ def foresight(
     """
     from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.benchmark.config import BenchmarkConfig
-    from layoutexplore.cli.benchmark import run_with_progress
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.benchmark import run_shared
     from layoutexplore.evaluation.foresight import (
         HORIZONS,
         PLANNER,
@@ -64,13 +63,11 @@ def foresight(
         baseline=REFERENCE,
         explain=False,
     )
-    outcome = run_with_progress(plain_console(), config, out / "runs", jobs=jobs, shared=True)
-    for row in outcome.failed:
-        typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
-    scores = score_foresight(outcome.rows, predictors)
+    rows = run_shared(config, out / "runs", jobs)
+    scores = score_foresight(rows, predictors)
     write_csv(out / "foresight.csv", [_line(score) for score in scores], columns=COLUMNS)
     text = foresight_table(scores)
-    if failed := failed_runs(outcome.rows):
+    if failed := failed_runs(rows):
         text += "\nFailed runs are in no figure above:\n\n" + "".join(f"- {line}\n" for line in failed)
     if not scores:
         text += f"\nNothing is compared: {REFERENCE} and {PLANNER} did not both end a run well in one cell.\n"

@@ -50,8 +50,7 @@ def in_the_loop(
     """
     from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.benchmark.config import BenchmarkConfig
-    from layoutexplore.cli.benchmark import run_with_progress
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.benchmark import run_shared
     from layoutexplore.errors import require
     from layoutexplore.evaluation.in_the_loop import BASELINE, driver_of, score_in_the_loop
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
@@ -75,13 +74,11 @@ def in_the_loop(
         agents=(BASELINE, *map(driver_of, names)),
         explain=False,
     )
-    outcome = run_with_progress(plain_console(), config, out / "runs", jobs=jobs, shared=True)
-    for row in outcome.failed:
-        typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
+    rows = run_shared(config, out / "runs", jobs)
     store, loaded = out / "snapshots", [cached_plan(source) for source in sources]
     pictures = _believed(loaded[0], sensors[0], predictors, store)
     scores = judge_explorations(sources, predictors, sensors=sensors, starts=starts, store=store)
-    found = score_in_the_loop(summarise_partial_rooms(scores), outcome.rows)
+    found = score_in_the_loop(summarise_partial_rooms(scores), rows)
     facts = {
         "command": command_line(),
         "plans": len(sources),
@@ -90,7 +87,7 @@ def in_the_loop(
         "sensors": sensors,
         "plan": loaded[0].name,
     }
-    failed = failed_runs(outcome.rows)
+    failed = failed_runs(rows)
     written = write_in_the_loop_report(out, found, pictures, facts=facts, failed=failed)
     _print(found)
     typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")

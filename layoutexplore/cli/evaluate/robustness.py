@@ -98,8 +98,7 @@ def _explore(
 ) -> list[Row]:
     """The runs at a level of noise."""
     from layoutexplore.benchmark.config import BenchmarkConfig
-    from layoutexplore.cli.benchmark import run_with_progress
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.benchmark import run_shared
     from layoutexplore.evaluation.robustness import NOISELESS
     from layoutexplore.simulation.config import SimulationConfig
 
@@ -112,10 +111,7 @@ def _explore(
         explain=False,
         simulation=SimulationConfig(noise="" if level == NOISELESS else level),
     )
-    outcome = run_with_progress(plain_console(), config, out / f"runs-{level}", jobs=jobs, shared=True)
-    for row in outcome.failed:
-        typer.echo(f"failed: {level} {row.plan} {row.sensor} {row.agent}: {row.error}")
-    return outcome.rows
+    return run_shared(config, out / f"runs-{level}", jobs)
 
 
 def _print(found: Sequence[AgentUnderNoise], failed: Mapping[str, Sequence[FailedRuns]]) -> None:
