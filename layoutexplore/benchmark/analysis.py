@@ -289,7 +289,9 @@ def summarise_agents(rows: Iterable[Row], baseline: str, curves: Curves) -> list
                     ms_decision=float(np.median([row.ms_decision_median for row in mine])),
                     ms_decision_p95=float(np.median([row.ms_decision_p95 for row in mine])),
                     revisits=float(np.mean([row.revisits for row in mine])),
-                    rooms_finished=_share([row.rooms_finished for row in mine], [row.rooms for row in mine]),
+                    rooms_finished=share_of(
+                        sum(row.rooms_finished for row in mine), sum(row.rooms for row in mine)
+                    ),
                     coverage=float(np.mean([row.coverage for row in mine])),
                     seconds=float(np.median([row.wall_seconds for row in mine])),
                 )
@@ -297,8 +299,9 @@ def summarise_agents(rows: Iterable[Row], baseline: str, curves: Curves) -> list
     return found
 
 
-def _share(parts: list[int], wholes: list[int]) -> float:
-    return sum(parts) / sum(wholes) if sum(wholes) else float("nan")
+def share_of(part: float, whole: float) -> float:
+    """A share of a whole, NaN of nothing."""
+    return part / whole if whole else math.nan
 
 
 def _auc_difference(

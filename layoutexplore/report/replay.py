@@ -148,7 +148,8 @@ def replay_view(
         f"layoutexplore replay {folder.path.name} --plan NAME --agent NAME."
     )
     script = (TEMPLATES / "replay.js").read_text(encoding="utf-8")
-    return ReplayView(_safe(json.dumps(data)), _markup(script), note, {key: k for k, key in enumerate(keys)})
+    text = json.dumps(data).replace("<", "\\u003c")  # no script element can be ended by it
+    return ReplayView(_markup(text), _markup(script), note, {key: k for k, key in enumerate(keys)})
 
 
 def _arrays_of_run(recording: Recording, curve: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
@@ -177,11 +178,6 @@ def _packed(arrays: Mapping[str, NDArray[Any]]) -> str:
     header = json.dumps(rows).encode()
     parts = [len(header).to_bytes(4, "little"), header, *(array.tobytes() for array in arrays.values())]
     return base64.b64encode(zlib.compress(b"".join(parts), 6)).decode()
-
-
-def _safe(text: str) -> str:
-    """JSON that no script element can be ended by."""
-    return _markup(text.replace("<", "\\u003c"))
 
 
 def _markup(text: str) -> str:
