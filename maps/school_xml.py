@@ -24,7 +24,13 @@ from layoutexplore.files.markup import read_xml
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.shared_walls import DOOR_WIDTH, floors_between, place_door, walls_along
+from layoutexplore.maps.shared_walls import (
+    DOOR_WIDTH,
+    floors_between,
+    place_door,
+    walls_along,
+    with_cut_doors,
+)
 from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines, check_plan, check_work
 
 _LONGEST_LABEL = 100
@@ -48,18 +54,17 @@ def load_school_xml(path: str | os.PathLike[str]) -> FloorPlan:
     walls = walls_along(list(polygons.values()), path.stem)
     rooms, scraps = floors_between(polygons, walls, {ids[key]: label for key, label in labels.items()})
     doors = tuple(place_door(polygons[a], polygons[b], point, (a, b)) for (a, b), point in portals)
-    plan = FloorPlan(name=path.stem, rooms=rooms, doors=doors)
-    return FloorPlan(
-        name=path.stem,
-        building=building_of(path.stem, "school") or path.stem,
-        rooms=rooms,
-        doors=doors,
-        walls=walls.difference(shapely.union_all([plan.opening(door) for door in doors])),
-        passages=scraps,
-        metadata={
-            "format": "school XML",
-            "building_type": (root.findtext("building_type/main_type") or "").lower(),
-        },
+    kind = (root.findtext("building_type/main_type") or "").lower()
+    return with_cut_doors(
+        FloorPlan(
+            name=path.stem,
+            building=building_of(path.stem, "school") or path.stem,
+            rooms=rooms,
+            doors=doors,
+            walls=walls,
+            passages=scraps,
+            metadata={"format": "school XML", "building_type": kind},
+        )
     )
 
 

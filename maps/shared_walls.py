@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -97,16 +98,23 @@ def plan_from_outlines(
         warnings.warn(
             f"{name}: {lost} of {len(placed)} doors lie on no wall and are left out", MapWarning, stacklevel=2
         )
-    bare = FloorPlan(name=name, rooms=rooms, doors=doors)
-    return FloorPlan(
-        name=name,
-        building=building,
-        rooms=rooms,
-        doors=doors,
-        walls=walls.difference(shapely.union_all([bare.opening(door) for door in doors])),
-        passages=scraps,
-        metadata=metadata or {},
+    return with_cut_doors(
+        FloorPlan(
+            name=name,
+            building=building,
+            rooms=rooms,
+            doors=doors,
+            walls=walls,
+            passages=scraps,
+            metadata=metadata or {},
+        )
     )
+
+
+def with_cut_doors(plan: FloorPlan) -> FloorPlan:
+    """The plan with its doors cut through its walls."""
+    cut = shapely.union_all([plan.opening(door) for door in plan.doors])
+    return replace(plan, walls=plan.walls.difference(cut))
 
 
 def _place(outlines: Mapping[int, Polygon], rings: shapely.STRtree, opening: Opening) -> Door | None:

@@ -18,5 +18,5 @@ def said_by(program: str, folder: Path, *, from_stdin: bool) -> str:
     words = [sys.executable, "-" if from_stdin else str(script)]
     given = program if from_stdin else ""
     told = subprocess.run(words, input=given, capture_output=True, text=True, check=True, timeout=300)
-    assert not told.stderr
+    assert not told.stderr, told.stderr
     return told.stdout

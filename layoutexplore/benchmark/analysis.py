@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import CellKey, Row, RunKey
 from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.grids.arrays import Floats, shows_shapes
 from layoutexplore.metrics.exploration import coverage_at, mean_coverage
@@ -45,7 +45,6 @@ CURVE_END = 1.5
 
 CURVE_POINTS = 121
 
-CellKey = tuple[str, int, str]
 Curves = Callable[[Row], Floats]
 """Gives the coverage curve (n, 2) of a run."""
 
@@ -176,7 +175,7 @@ def cells_of_agents(rows: Iterable[Row]) -> dict[str, set[CellKey]]:
     for row in rows:
         cells = found.setdefault(row.agent, set())
         if not row.error:
-            cells.add(_cell(row))
+            cells.add(row.cell)
     return found
 
 
@@ -211,17 +210,24 @@ def compare(rows: Iterable[Row], baseline: str) -> list[Comparison]:
     levels = measured_levels(rows)
     found = []
     for sensor, part in groups(rows).items():
-        base = {_cell(row): row for row in part if row.agent == baseline}
+        base = {row.cell: row for row in part if row.agent == baseline}
         for agent in agents_of(part):
-            pairs = [(row, base[_cell(row)]) for row in part if row.agent == agent and _cell(row) in base]
+            pairs = [(row, base[row.cell]) for row in part if row.agent == agent and row.cell in base]
             if pairs:
                 found += [_comparison(sensor, agent, metric, pairs) for metric in levels]
     return found
 
 
+def over_all_sensors(comparisons: Iterable[Comparison]) -> dict[tuple[str, str], Comparison]:
+    """Those of the runs with every sensor, by agent and level."""
+    found = list(comparisons)
+    alone = len({c.sensor for c in found}) == 1
+    return {(c.agent, c.metric): c for c in found if alone or c.sensor == POOLED}
+
+
 def _check_cells(rows: Iterable[Row]) -> None:
     """Every agent that ended well in a cell did so once: of two runs nobody can tell which to pair."""
-    met: dict[tuple[str, int, str, str], Row] = {}
+    met: dict[RunKey, Row] = {}
     for row in rows:
         if row.error:
             continue
@@ -261,8 +267,8 @@ def summarise_agents(rows: Iterable[Row], baseline: str, curves: Curves) -> list
     @functools.cache
     def covered(row: Row, scale: float) -> float:
         """Mean coverage of a run; it counts for two groups, and the baseline's for every agent."""
-        curve = curves(row)
-        return mean_coverage(curve[:, 0], curve[:, 1], scale)
+        metres, seen = curves(row).T
+        return mean_coverage(metres, seen, scale)
 
     def gained(row: Row, other: Row) -> float:
         """Coverage gained by a run over another one in its cell."""
@@ -270,7 +276,7 @@ def summarise_agents(rows: Iterable[Row], baseline: str, curves: Curves) -> list
         return covered(row, scale) - covered(other, scale)
 
     for sensor, part in groups(rows).items():
-        base = {_cell(row): row for row in part if row.agent == baseline}
+        base = {row.cell: row for row in part if row.agent == baseline}
         for agent in agents_of(part):
             mine = [row for row in part if row.agent == agent]
             found.append(
@@ -283,7 +289,9 @@ def summarise_agents(rows: Iterable[Row], baseline: str, curves: Curves) -> list
                     ms_decision=float(np.median([row.ms_decision_median for row in mine])),
                     ms_decision_p95=float(np.median([row.ms_decision_p95 for row in mine])),
                     revisits=float(np.mean([row.revisits for row in mine])),
-                    rooms_finished=_share([row.rooms_finished for row in mine], [row.rooms for row in mine]),
+                    rooms_finished=share_of(
+                        sum(row.rooms_finished for row in mine), sum(row.rooms for row in mine)
+                    ),
                     coverage=float(np.mean([row.coverage for row in mine])),
                     seconds=float(np.median([row.wall_seconds for row in mine])),
                 )
@@ -291,15 +299,16 @@ def summarise_agents(rows: Iterable[Row], baseline: str, curves: Curves) -> list
     return found
 
 
-def _share(parts: list[int], wholes: list[int]) -> float:
-    return sum(parts) / sum(wholes) if sum(wholes) else float("nan")
+def share_of(part: float, whole: float) -> float:
+    """A share of a whole, NaN of nothing."""
+    return part / whole if whole else math.nan
 
 
 def _auc_difference(
     mine: list[Row], base: dict[CellKey, Row], gained: Callable[[Row, Row], float]
 ) -> Interval | None:
     """Mean coverage over the baseline's metres to 99 %, minus the baseline's, IQM over cells."""
-    pairs = [(row, base[_cell(row)]) for row in mine if _cell(row) in base]
+    pairs = [(row, base[row.cell]) for row in mine if row.cell in base]
     if not pairs:
         return None
     return cluster_bootstrap([gained(*pair) for pair in pairs], [row.cluster for row, _ in pairs])
@@ -314,22 +323,19 @@ def curve_scale(row: Row) -> float:
 def pooled_curves(rows: Iterable[Row], baseline: str, curves: Curves) -> list[PooledCurve]:
     """Coverage over distance of every agent, over the cells that the baseline ran too."""
     part = [row for row in rows if not row.error]
-    scale = {_cell(row): curve_scale(row) for row in part if row.agent == baseline}
+    scale = {row.cell: curve_scale(row) for row in part if row.agent == baseline}
     x = np.linspace(0, CURVE_END, CURVE_POINTS)
     found = []
     for agent in agents_of(part):
-        mine = [row for row in part if row.agent == agent and _cell(row) in scale]
+        mine = [row for row in part if row.agent == agent and row.cell in scale]
         if mine:
-            sampled = np.array([_sampled(curves(row), x * scale[_cell(row)]) for row in mine])
+            own = ((row, *curves(row).T) for row in mine)
+            sampled = np.array([coverage_at(metres, seen, x * scale[row.cell]) for row, metres, seen in own])
             low, high = np.quantile(sampled, [0.25, 0.75], axis=0)
             found.append(
                 PooledCurve(agent=agent, x=x, mean=sampled.mean(axis=0), low=low, high=high, cells=len(mine))
             )
     return found
-
-
-def _sampled(curve: Floats, at: Floats) -> Floats:
-    return coverage_at(curve[:, 0], curve[:, 1], at)
 
 
 def by_plan(rows: Iterable[Row], metric: str) -> dict[tuple[str, str], dict[str, float]]:
@@ -357,7 +363,7 @@ def ratios_by_plan(
     cells = cells_of_agents(rows)
     for agent, mine in cells.items():
         both, pair = mine & cells.get(baseline, set()), (agent, baseline)
-        shared = by_plan((row for row in rows if row.agent in pair and _cell(row) in both), metric)
+        shared = by_plan((row for row in rows if row.agent in pair and row.cell in both), metric)
         for key, metres in shared.items():
             if metres[baseline] > 0:
                 found.setdefault(key, {})[agent] = metres[agent] / metres[baseline]
@@ -367,7 +373,3 @@ def ratios_by_plan(
 def agents_of(rows: Iterable[Row]) -> list[str]:
     """Names of the agents, sorted."""
     return sorted({row.agent for row in rows})
-
-
-def _cell(row: Row) -> CellKey:
-    return row.plan, row.start, row.sensor

@@ -15,7 +15,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
-from layoutexplore.benchmark.pool import AHEAD, TRIES, Answer, Handout, run_batch
+from layoutexplore.benchmark.pool import AHEAD, TRIES, Handout, run_batch
 from layoutexplore.errors import ConfigError, LayoutExploreError, require, unknown_name
 from layoutexplore.processes import ASKING, deaf_children, single_threaded, without_main
 
@@ -153,7 +153,7 @@ def _ray(
         if threading.current_thread() is threading.main_thread():
             for number, handler in handlers.items():  # Ray's own would end the process without a word
                 signal.signal(number, handler)
-        remote = ray.remote(max_retries=tries - 1)(_plain(function))
+        remote = ray.remote(max_retries=tries - 1)(lambda batch: run_batch(function, batch))
         workers = max(int(ray.cluster_resources().get("CPU", 1)), 1)
         handout = Handout(tasks, workers)
         flying: dict[Any, list[T]] = {}
@@ -174,12 +174,3 @@ def _ray(
                     handout.split(batch)
     finally:
         ray.shutdown()
-
-
-def _plain(function: Callable[[T], R]) -> Callable[[Sequence[T]], Answer[R]]:
-    """Ray wants a plain function."""
-
-    def call(batch: Sequence[T]) -> Answer[R]:
-        return run_batch(function, batch)
-
-    return call

@@ -18,7 +18,7 @@ import numpy as np
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import Curves, agents_of, groups
 from layoutexplore.benchmark.counterfactual import Counterfactual
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import CellKey, Row
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.frontiers.tour_features import BEGUN, SURE
 from layoutexplore.grids.arrays import Floats, Mask
@@ -93,7 +93,7 @@ def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[Earl
     for sensor, part in groups(rows).items():
         base = _to_99(part, baseline)
         for agent in agents_of(part):
-            mine = [row for row in part if row.agent == agent and (row.plan, row.start, row.sensor) in base]
+            mine = [row for row in part if row.agent == agent and row.cell in base]
             if not (
                 mine
                 and (has_stop_rule(agent) or any(row.stop_reason in ("agent", "no_frontier") for row in mine))
@@ -101,7 +101,7 @@ def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[Earl
                 continue
             stops = []
             for row in mine:
-                other = base[row.plan, row.start, row.sensor]
+                other = base[row.cell]
                 stops.append(stop_at(row.cluster, row.distance, row.coverage, other.d99, curves(other)))
             found.append(summarise_stops(sensor, agent, stops))
     return found
@@ -128,10 +128,8 @@ def tried_stops(
     found = []
     for sensor, part in groups(rows).items():
         base = _to_99(part, baseline)
-        mine = [row for row in part if row.agent == agent and (row.plan, row.start, row.sensor) in base]
-        runs = [
-            (row, c, base[row.plan, row.start, row.sensor]) for row in mine if (c := notes(row)) is not None
-        ]
+        mine = [row for row in part if row.agent == agent and row.cell in base]
+        runs = [(row, c, base[row.cell]) for row in mine if (c := notes(row)) is not None]
         areas = thresholds if runs else ()
         found += [
             try_rule(stops_below(a), runs, curves, sensor=sensor, name=f"{agent}, below {a:g} m²")
@@ -140,13 +138,9 @@ def tried_stops(
     return found
 
 
-def _to_99(rows: Iterable[Row], baseline: str) -> dict[tuple[str, int, str], Row]:
+def _to_99(rows: Iterable[Row], baseline: str) -> dict[CellKey, Row]:
     """The baseline's runs to 99 % by their cells; of one that saw as much where it stood nothing is saved."""
-    return {
-        (row.plan, row.start, row.sensor): row
-        for row in rows
-        if row.agent == baseline and row.reached99 and row.d99 > 0
-    }
+    return {row.cell: row for row in rows if row.agent == baseline and row.reached99 and row.d99 > 0}
 
 
 def stops_below(area: float) -> Rule:

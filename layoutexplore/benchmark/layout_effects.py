@@ -7,15 +7,14 @@ rooms.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from layoutexplore.benchmark.analysis import agents_of, groups
+from layoutexplore.benchmark.analysis import agents_of, groups, share_of
 from layoutexplore.benchmark.counterfactual import LOG
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import Row, RunKey
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 
@@ -104,7 +103,7 @@ def layout_effects(rows: Iterable[Row], log_of: LogOf) -> list[LayoutEffect]:
     Runs in which nobody asked do not count.
     """
     found = []
-    digests: dict[tuple[str, int, str, str], _Digest | None] = {}
+    digests: dict[RunKey, _Digest | None] = {}
 
     def digest(row: Row) -> _Digest | None:
         if row.key not in digests:
@@ -139,14 +138,14 @@ def _effect(sensor: str, agent: str, runs: Sequence[_Digest]) -> LayoutEffect:
         episode_seconds=float(np.median([run.row.prediction_seconds for run in runs])),
         changed=changed,
         misled=misled,
-        by_class=_share(total["class_alone"], total["misled"]),
-        by_area=_share(total["area_alone"], total["misled"]),
-        by_both=_share(total["both"], total["misled"]),
-        by_rooms=_share(total["misled"] - either, total["misled"]),
-        closed_as_open=_share(total["closed_as_open"], total["closed"]),
-        open_as_closed=_share(total["open_as_closed"], total["open"]),
-        leftover_missed=_share(total["leftover_missed"], total["leftover"]),
-        leftover_wrong=_share(
+        by_class=share_of(total["class_alone"], total["misled"]),
+        by_area=share_of(total["area_alone"], total["misled"]),
+        by_both=share_of(total["both"], total["misled"]),
+        by_rooms=share_of(total["misled"] - either, total["misled"]),
+        closed_as_open=share_of(total["closed_as_open"], total["closed"]),
+        open_as_closed=share_of(total["open_as_closed"], total["open"]),
+        leftover_missed=share_of(total["leftover_missed"], total["leftover"]),
+        leftover_wrong=share_of(
             total["leftover_wrong"], total["leftover"] - total["leftover_missed"] + total["leftover_wrong"]
         ),
     )
@@ -154,7 +153,3 @@ def _effect(sensor: str, agent: str, runs: Sequence[_Digest]) -> LayoutEffect:
 
 def _logical(log: Floats, name: str) -> Mask:
     return np.asarray(log[:, LOG.index(name)] > 0)
-
-
-def _share(part: float, whole: float) -> float:
-    return part / whole if whole else math.nan

@@ -19,9 +19,16 @@ from typing import Any
 import numpy as np
 
 import layoutexplore
-from layoutexplore.benchmark.analysis import POOLED, Comparison, compare
+from layoutexplore.benchmark.analysis import HEADLINE, METRICS, POOLED, Comparison, compare, over_all_sensors
 from layoutexplore.benchmark.plans import Task
-from layoutexplore.benchmark.rows import TIMING_COLUMNS, Row, fingerprints, format_row, knows_the_plan
+from layoutexplore.benchmark.rows import (
+    TIMING_COLUMNS,
+    CellKey,
+    Row,
+    fingerprints,
+    format_row,
+    knows_the_plan,
+)
 from layoutexplore.benchmark.runner import run_task
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.benchmark.suite import Suite, cells_of
@@ -29,10 +36,6 @@ from layoutexplore.errors import LayoutExploreError, ResultsError, checks_argume
 
 REPEATED = 3
 """Runs of each agent that are made again."""
-
-Cell = tuple[str, int, str]
-"""Floor plan, start and sensor."""
-
 
 _NOT_COMPARED = (*TIMING_COLUMNS, "building")
 """Columns in which a repeated run may differ: results of earlier versions name no building."""
@@ -51,7 +54,7 @@ class Entrant:
 
     agent: str
     folder: Path
-    repeated: tuple[Cell, ...]
+    repeated: tuple[CellKey, ...]
     rows: tuple[Row, ...]
 
 
@@ -190,7 +193,7 @@ def _of_folder(
         if reason:
             found.append(LeftOut(agent=agent, folder=folder.path, reason=reason))
         else:
-            repeated = tuple((row.plan, row.start, row.sensor) for row in chosen)
+            repeated = tuple(row.cell for row in chosen)
             found.append(Entrant(agent=agent, folder=folder.path, repeated=repeated, rows=tuple(mine)))
     return found
 
@@ -207,14 +210,14 @@ def _of_other_cells(manifest: Mapping[str, Any], cells: Mapping[str, Any]) -> st
     return f"other cells than the suite's: different {different}" if different else ""
 
 
-def _cells(cells: Mapping[str, Any]) -> set[Cell]:
+def _cells(cells: Mapping[str, Any]) -> set[CellKey]:
     """Every cell of a suite."""
     return {(p, k, s) for p in cells["plans"] for k in range(cells["starts"]) for s in cells["lidars"]}
 
 
-def _incomplete(rows: Sequence[Row], wanted: set[Cell]) -> str:
+def _incomplete(rows: Sequence[Row], wanted: set[CellKey]) -> str:
     """What is missing of an agent's runs; empty where nothing is."""
-    there = {(row.plan, row.start, row.sensor) for row in rows if not row.error}
+    there = {row.cell for row in rows if not row.error}
     failed = sum(bool(row.error) for row in rows)
     if missing := len(wanted - there):
         return f"incomplete: {missing} of {len(wanted)} runs are missing" + (
@@ -284,44 +287,28 @@ def _ranked(
         for entrant in entrants.values()
         for row in entrant.rows
     ]
-    ratios = _by_agent(compare(rows, baseline))
+    comparisons = compare(rows, baseline)
+    ratios = over_all_sensors(comparisons)
     bounds = {agent for agent in entrants if knows_the_plan(agent)}
     order = sorted(
         entrants, key=lambda agent: (agent not in bounds, _at_95(ratios, agent).ratio.estimate, agent)
     )
     best = next((agent for agent in order if agent not in bounds), baseline)
-    against_best = _by_agent(compare(rows, best))
+    against_best = over_all_sensors(compare(rows, best))
     for k, agent in enumerate(order):
-        mine = ratios[agent]
+        mine = [c for c in comparisons if c.agent == agent and c.metric == HEADLINE]
         lead = _at_95(against_best, agent).ratio
         yield Standing(
             rank=0 if agent in bounds else k + 1 - len(bounds),
             entrant=entrants[agent],
-            ratios={metric: c for (group, metric), c in mine.items() if group == _group(mine)},
-            by_sensor={
-                group: c for (group, metric), c in mine.items() if metric == "d95" and group != POOLED
-            },
+            ratios={metric: ratios[agent, metric] for metric in METRICS if (agent, metric) in ratios},
+            by_sensor={c.sensor: c for c in mine if c.sensor != POOLED},
             tied=agent not in bounds and agent != best and not (lead.low > 1),
         )
 
 
-def _by_agent(comparisons: Iterable[Comparison]) -> dict[str, dict[tuple[str, str], Comparison]]:
-    """Comparisons by agent, and there by (group, level)."""
-    found: dict[str, dict[tuple[str, str], Comparison]] = {}
-    for c in comparisons:
-        found.setdefault(c.agent, {})[c.sensor, c.metric] = c
-    return found
-
-
-def _group(comparisons: Mapping[tuple[str, str], Comparison]) -> str:
-    """The group that holds all sensors; the only one where there is one sensor."""
-    groups = {group for group, _ in comparisons}
-    return POOLED if POOLED in groups else min(groups)
-
-
-def _at_95(comparisons: Mapping[str, Mapping[tuple[str, str], Comparison]], agent: str) -> Comparison:
+def _at_95(comparisons: Mapping[tuple[str, str], Comparison], agent: str) -> Comparison:
     """An agent's metres to 95 %, over all sensors."""
-    mine = comparisons.get(agent, {})
-    if not mine or (_group(mine), "d95") not in mine:
+    if (agent, HEADLINE) not in comparisons:
         raise ResultsError(f"no run of {agent} can be compared at 95 %: results.csv is damaged; run it again")
-    return mine[_group(mine), "d95"]
+    return comparisons[agent, HEADLINE]

@@ -85,8 +85,7 @@ def run_all(
     *,
     jobs: int,
     lost: Callable[[T], R],
-    initializer: Callable[..., None],
-    arguments: tuple[Any, ...] = (),
+    begin: Callable[[], object] = int,
     tries: int = TRIES,
     apart: bool = False,
 ) -> Iterator[R]:
@@ -98,16 +97,14 @@ def run_all(
         tasks: Picklable.
         jobs: Worker processes; with 1, all runs in this process.
         lost: The result of a task whose worker died `tries` times while it ran nothing else.
-        initializer: Called once in every worker (and here, with one job).
-        arguments: For the initializer.
+        begin: Called once in every worker (and here, with one job).
         tries: How often such a task is run by itself.
         apart: Whether one job, too, has a process of its own: one that may end its process.
     """
     if jobs == 1 and not apart:
-        initializer(*arguments)
+        begin()
         yield from map(function, tasks)
         return
-    begin = (initializer, arguments)
     handout, suspects = Handout(tasks, jobs), Handout[T]([], 1, largest=1)
     deaths: Counter[int] = Counter()
     while handout or suspects:
@@ -125,15 +122,11 @@ def run_all(
 
 
 def _run_pool(
-    function: Callable[[T], R],
-    handout: Handout[T],
-    workers: int,
-    ahead: int,
-    begin: tuple[Callable[..., None], tuple[Any, ...]],
+    function: Callable[[T], R], handout: Handout[T], workers: int, ahead: int, begin: Callable[[], object]
 ) -> Generator[R, None, list[T]]:
     """Run what is handed out on one pool until all is done or a worker dies; returns what was in flight."""
     flying: dict[Future[Answer[R]], list[T]] = {}
-    pool = start_pool(workers, begin[0], *begin[1])
+    pool = start_pool(workers, begin)
     try:
         while handout or flying:
             while handout and len(flying) < ahead * workers:

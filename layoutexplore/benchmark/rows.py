@@ -30,6 +30,9 @@ _LARGEST = 1e15
 RunKey = tuple[str, int, str, str]
 """What names a run: floor plan, start, sensor and agent."""
 
+CellKey = tuple[str, int, str]
+"""What runs are paired by: floor plan, start and sensor."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Row:
@@ -124,7 +127,12 @@ class Row:
     @property
     def key(self) -> RunKey:
         """What tells the runs of one benchmark apart."""
-        return self.plan, self.start, self.sensor, self.agent
+        return *self.cell, self.agent
+
+    @property
+    def cell(self) -> CellKey:
+        """Where the runs of all agents are compared."""
+        return self.plan, self.start, self.sensor
 
     def __reduce__(self) -> tuple[Callable[[tuple[Any, ...]], Row], tuple[tuple[Any, ...]]]:
         """Rows come back from workers by the hundred thousand: without the names of their columns."""

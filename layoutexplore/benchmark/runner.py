@@ -351,8 +351,7 @@ def _results(
         tasks,
         jobs=jobs,
         lost=lost,
-        initializer=cv2.setNumThreads,
-        arguments=(1,),
+        begin=functools.partial(cv2.setNumThreads, 1),
         tries=config.tries,
         apart=config.cell_mb > 0,  # compiled code for which no memory is left ends its process
     )

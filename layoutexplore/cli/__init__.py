@@ -11,7 +11,6 @@ import io
 import sys
 import warnings
 from importlib import import_module
-from importlib.util import find_spec
 from typing import Annotated
 
 import typer
@@ -54,8 +53,7 @@ def _options(
 
 
 for _group in GROUPS:
-    if find_spec(f"layoutexplore.cli.{_group}"):
-        import_module(f"layoutexplore.cli.{_group}").register(app)
+    import_module(f"layoutexplore.cli.{_group}").register(app)
 
 
 def _one_line(

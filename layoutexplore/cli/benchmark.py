@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from layoutexplore.benchmark.config import BenchmarkConfig
+    from layoutexplore.benchmark.rows import Row
     from layoutexplore.benchmark.runner import Outcome
 
 DEFAULT_OUT = Path("benchmark-results")
@@ -210,13 +211,8 @@ def run_with_progress(
     cluster: str = "",
     force: bool = False,
     extend: bool = False,
-    shared: bool = False,
 ) -> Outcome:
-    """Run what is missing, with a line that says how far it is.
-
-    Where other calls share the folder (`shared`), this one adds to it, and the rows are those that it asked
-    for.
-    """
+    """Run what is missing, with a line that says how far it is."""
     from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.processes import asked_to_stop, command_line, usable_cores
@@ -230,22 +226,32 @@ def run_with_progress(
                     progress.done, progress.total, progress.work_done, f"{row.plan} {row.sensor} {row.agent}"
                 )
 
-            outcome = run_benchmark(
+            return run_benchmark(
                 settings,
                 out,
                 jobs=usable_cores() if jobs is None else jobs,
                 cluster=cluster,
                 force=force,
-                extend=extend or shared,
+                extend=extend,
                 command=command_line(),
                 watcher=BenchmarkWatcher(line.say, advance),
             )
-            return dataclasses.replace(outcome, rows=outcome.asked) if shared else outcome
     except KeyboardInterrupt:
         without = " without --again" if settings.again else ""
         text = f"\nStopped. What is finished is in {out}: the same command{without} continues."
         console.print(text, soft_wrap=True)
         raise typer.Exit(128 + (asked_to_stop() or 2)) from None
+
+
+def run_shared(config: BenchmarkConfig, folder: Path, jobs: int | None) -> list[Row]:
+    """Make the runs that a folder lacks, to which others may add as well; those that fail are named."""
+    from layoutexplore.cli.progress import plain_console
+
+    outcome = run_with_progress(plain_console(), config, folder, jobs=jobs, extend=True)
+    for row in outcome.asked:
+        if row.error:
+            typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
+    return outcome.asked
 
 
 def _write_and_show(console: Console, outcome: Outcome) -> None:

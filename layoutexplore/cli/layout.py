@@ -63,7 +63,7 @@ def layout(
     from layoutexplore.layout.pipeline import layout_method
     from layoutexplore.maps.library import source_files
     from layoutexplore.options import JOBS
-    from layoutexplore.plugins.transport import worker_pool
+    from layoutexplore.plugins.transport import worker_map
 
     layout_method(method)
     config = picture_config(
@@ -81,11 +81,8 @@ def layout(
     check_kept(made, [file for path, file in read if file == path or not _is_made(file)])
     work = [(path, method, config, base) for path, base in zip(maps, bases, strict=True)]
     jobs = min(JOBS.convert("--jobs", jobs), len(work))
-    if jobs == 1:
-        failed = [_say(_attempt(item), as_json) for item in work]
-    else:
-        with worker_pool(jobs) as pool:
-            failed = [_say(summary, as_json) for summary in pool.map(_attempt, work)]
+    with worker_map(jobs) as spread:
+        failed = [_say(summary, as_json) for summary in spread(_attempt, work)]
     if any(failed):
         raise typer.Exit(2)
 

@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
+from rich.table import Table
 
 PLAIN_EVERY = 10.0
 """Seconds between plain lines."""
@@ -18,6 +19,12 @@ PLAIN_EVERY = 10.0
 def plain_console(**options: Any) -> Console:
     """A console that writes texts as they are: names of floor plans and files may look like markup."""
     return Console(highlight=False, markup=False, emoji=False, **options)
+
+
+def print_table(table: Table, width: int) -> None:
+    """Print a table; where there is no terminal, so wide that none of its numbers is cut."""
+    console = plain_console()
+    (console if console.is_terminal else plain_console(width=width)).print(table)
 
 
 class ProgressLine:

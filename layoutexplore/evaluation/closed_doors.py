@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +27,7 @@ from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.closed_door_maps import FREE_GREY, OCCUPIED_GREY, UNKNOWN_GREY, Triple, read_cells
 from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_interquartile_mean, weighted_mean
 from layoutexplore.options import JOBS
-from layoutexplore.plugins.transport import worker_pool
+from layoutexplore.plugins.transport import worker_map
 
 if TYPE_CHECKING:
     from layoutexplore.closed_doors.models import Models
@@ -126,11 +127,8 @@ def evaluate(
 ) -> Iterator[PairScore]:
     """Evaluate maps in order, in several processes where asked to."""
     jobs = min(JOBS.convert("jobs", jobs), len(triples))
-    if jobs <= 1:
-        yield from (evaluate_triple(triple, resolution, out) for triple in triples)
-        return
-    with worker_pool(jobs) as pool:
-        yield from pool.map(evaluate_triple, triples, [resolution] * len(triples), [out] * len(triples))
+    with worker_map(jobs) as spread:
+        yield from spread(partial(evaluate_triple, resolution=resolution, out=out), triples)
 
 
 def _whole(floor: str) -> str:
@@ -235,6 +233,5 @@ def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[
         ("iqm", weighted_interquartile_mean, iou),
         ("free", weighted_mean, [s.free_iou for s in scores]),
     ):
-        interval = cluster_bootstrap(values, clusters, statistic)
-        line |= {name: interval.estimate, f"{name}_low": interval.low, f"{name}_high": interval.high}
+        line |= cluster_bootstrap(values, clusters, statistic).as_columns(name)
     return line

@@ -109,7 +109,7 @@ def _results(cluster: str, tasks: range) -> Iterator[Row]:
     lost: Callable[[int], Row] = _empty_cell
     if cluster:
         return run_on_cluster(_empty_cell, tasks, cluster=cluster, jobs=JOBS, lost=lost)
-    return run_all(_empty_cell, tasks, jobs=JOBS, lost=lost, initializer=_nothing)
+    return run_all(_empty_cell, tasks, jobs=JOBS, lost=lost)
 
 
 def _empty_cell(number: int) -> Row:
@@ -125,7 +125,3 @@ def _empty_cell(number: int) -> Row:
         stop_reason="coverage",
         **numbers,
     )
-
-
-def _nothing() -> None:
-    """What a worker needs beforehand."""

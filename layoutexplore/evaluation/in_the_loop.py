@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from layoutexplore.agents import make_agent
-from layoutexplore.benchmark.analysis import POOLED, Comparison, compare
+from layoutexplore.benchmark.analysis import Comparison, compare, over_all_sensors
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import checks_arguments
+from layoutexplore.evaluation.partial_rooms_summary import hidden_interval
 from layoutexplore.metrics.statistics import Interval
 
 BASELINE = "nearest"
@@ -64,22 +65,18 @@ def score_in_the_loop(summary: Mapping[str, Any], rows: Sequence[Row]) -> list[L
         summary: What `layoutexplore.evaluation.partial_rooms_summary.summarise_partial_rooms` made.
         rows: Runs of the baseline and of the driver with each predictor.
     """
-    found = compare(rows, BASELINE)
-    sensors = {c.sensor for c in found}
-    pooled = {(c.agent, c.metric): c for c in found if c.sensor == POOLED or len(sensors) == 1}
+    pooled = over_all_sensors(compare(rows, BASELINE))
     lines = [_line(name, part, pooled) for name, part in summary.items()]
     return sorted(lines, key=lambda line: (line.d95 is None, line.d95.estimate if line.d95 else 0.0))
 
 
 def _line(name: str, part: Mapping[str, Any], pooled: Mapping[tuple[str, str], Comparison]) -> LoopScore:
-    rooms, frontiers = part["rooms"], part["frontiers"]
-    nothing = dict.fromkeys(("hidden_iou", "hidden_low", "hidden_high"), float("nan"))
-    hidden = rooms[0] if rooms else nothing
+    frontiers = part["frontiers"]
     d95, d99 = (pooled.get((driver_of(name), metric)) for metric in ("d95", "d99"))
     return LoopScore(
         predictor=name,
         mcc=frontiers[0]["mcc"] if frontiers else float("nan"),
-        hidden_iou=Interval(hidden["hidden_iou"], hidden["hidden_low"], hidden["hidden_high"]),
+        hidden_iou=hidden_interval(part["rooms"]),
         leftover=frontiers[0]["leftover_accuracy"] if frontiers else float("nan"),
         ms=part["ms"],
         d95=d95.ratio if d95 else None,

@@ -12,7 +12,7 @@ from scipy.stats import spearmanr
 from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.evaluation.partial_rooms import FrontierScore, RoomScore, Scores
 from layoutexplore.grids.arrays import Floats, Mask, check_alike
-from layoutexplore.metrics.statistics import cluster_bootstrap
+from layoutexplore.metrics.statistics import NO_INTERVAL, Interval, cluster_bootstrap
 
 EXPLORED = (0.0, 0.25, 0.5, 0.75, 1.0)
 """Ends of the strata of explored share."""
@@ -41,6 +41,12 @@ def summarise_rooms(rooms: Sequence[RoomScore]) -> list[dict[str, Any]]:
     for low, high in itertools.pairwise(EXPLORED):
         strata.append((f"{low:.0%}-{high:.0%}", [r for r in rooms if low <= r.explored < high]))
     return [{"explored": name} | _room_line(part) for name, part in strata if part]
+
+
+def hidden_interval(rooms: Sequence[Mapping[str, Any]]) -> Interval:
+    """The IoU of hidden parts in the first of the lines of `summarise_rooms`; none without a line."""
+    keys = ("hidden_iou", "hidden_low", "hidden_high")
+    return Interval(*(rooms[0][key] for key in keys)) if rooms else NO_INTERVAL
 
 
 @checks_arguments

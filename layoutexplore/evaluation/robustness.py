@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from layoutexplore.benchmark.analysis import POOLED, Comparison, agents_of, compare
+from layoutexplore.benchmark.analysis import agents_of, compare, over_all_sensors
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import ConfigError, checks_arguments, unknown_name
-from layoutexplore.metrics.statistics import Interval
+from layoutexplore.evaluation.partial_rooms_summary import hidden_interval
+from layoutexplore.metrics.statistics import NO_INTERVAL, Interval
 from layoutexplore.simulation.config import NOISE
 
 NOISELESS = "none"
@@ -21,8 +23,6 @@ LEVELS = (NOISELESS, *NOISE)
 
 BASELINE = "nearest"
 """The strategy that the others are compared with at each level."""
-
-_NOTHING = Interval(float("nan"), float("nan"), float("nan"))
 
 
 @checks_arguments
@@ -107,23 +107,18 @@ def _line(
     # `compare` pairs by agents: the runs of one strategy at two levels are handed to it under two names.
     pairs = [dataclasses.replace(row, agent=NOISELESS) for row in exact]
     pairs += [dataclasses.replace(row, agent="noisy") for row in mine]
-    own = {metric: c.ratio for metric, c in _pooled(compare(pairs, NOISELESS), "noisy").items()}
-    baseline = _pooled(compare(part, BASELINE), agent).get("d95")
+    own = over_all_sensors(compare(pairs, NOISELESS))
+    d95, d99 = (own["noisy", m].ratio if ("noisy", m) in own else NO_INTERVAL for m in ("d95", "d99"))
+    baseline = over_all_sensors(compare(part, BASELINE)).get((agent, "d95"))
     return AgentUnderNoise(
         agent=agent,
         level=level,
         runs=len(mine),
         reached=sum(row.reached99 for row in mine) / len(mine),
-        d95=own.get("d95", _NOTHING),
-        d99=own.get("d99", _NOTHING),
+        d95=d95,
+        d99=d99,
         to_baseline=baseline.ratio if baseline else None,
     )
-
-
-def _pooled(found: Sequence[Comparison], agent: str) -> dict[str, Comparison]:
-    """The comparisons of an agent over all sensors, by their metric."""
-    alone = len({c.sensor for c in found}) == 1
-    return {c.metric: c for c in found if c.agent == agent and (alone or c.sensor == POOLED)}
 
 
 @checks_arguments
@@ -137,15 +132,7 @@ def predictors_under_noise(summaries: Mapping[str, Mapping[str, Any]]) -> list[P
     found = []
     for level, summary in summaries.items():
         for name, part in summary.items():
-            rooms, frontiers = part["rooms"], part["frontiers"]
-            nan = float("nan")
-            hidden = rooms[0] if rooms else {"hidden_iou": nan, "hidden_low": nan, "hidden_high": nan}
-            found.append(
-                PredictorUnderNoise(
-                    predictor=name,
-                    level=level,
-                    mcc=frontiers[0]["mcc"] if frontiers else nan,
-                    hidden_iou=Interval(hidden["hidden_iou"], hidden["hidden_low"], hidden["hidden_high"]),
-                )
-            )
+            frontiers, hidden = part["frontiers"], hidden_interval(part["rooms"])
+            mcc = frontiers[0]["mcc"] if frontiers else math.nan
+            found.append(PredictorUnderNoise(predictor=name, level=level, mcc=mcc, hidden_iou=hidden))
     return sorted(found, key=lambda line: line.predictor)

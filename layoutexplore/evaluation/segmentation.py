@@ -24,7 +24,7 @@ from layoutexplore.maps.painted_rooms import Case, check_bright, read_case
 from layoutexplore.metrics.segmentation import MEASURES, score_segmentation
 from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_mean
 from layoutexplore.options import JOBS
-from layoutexplore.plugins.transport import worker_pool
+from layoutexplore.plugins.transport import worker_map
 
 COLUMNS = (*MEASURES, "segments", "rooms", "ms")
 
@@ -113,13 +113,8 @@ def evaluate_cases(
     """
     work = [(case, method, protocol, resolution) for case in cases for method in methods]
     jobs = min(JOBS.convert("jobs", jobs), len(work))
-    if jobs <= 1:
-        _warm_up(methods)
-        for item in work:
-            yield _work(item)
-        return
-    with worker_pool(jobs, partial(_warm_up, tuple(methods))) as pool:
-        yield from pool.map(_work, work)
+    with worker_map(jobs, partial(_warm_up, tuple(methods))) as spread:
+        yield from spread(_work, work)
 
 
 def _work(item: tuple[Case, str, str, float]) -> tuple[Case, MapScore, Ints32]:

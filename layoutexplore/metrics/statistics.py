@@ -57,6 +57,20 @@ class Interval:
         """The interval under a rising function, such as `math.exp`."""
         return Interval(function(self.estimate), function(self.low), function(self.high))
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """Where a whisker begins and ends: at the estimate itself where there is no interval."""
+        low, high = (end if math.isfinite(end) else self.estimate for end in (self.low, self.high))
+        return low, high
+
+    def as_columns(self, name: str) -> dict[str, float]:
+        """The estimate under a name, its ends under NAME_low and NAME_high."""
+        return {name: self.estimate, f"{name}_low": self.low, f"{name}_high": self.high}
+
+
+NO_INTERVAL = Interval(math.nan, math.nan, math.nan)
+"""That of no value."""
+
 
 @checks_arguments
 def interquartile_mean(values: ArrayLike) -> float:

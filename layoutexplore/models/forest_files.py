@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -84,6 +85,29 @@ def load_forests(
     if missing:
         raise ConfigError(f"{path}: the forest {missing[0]!r} is missing: train it again")
     return forests
+
+
+@dataclass(frozen=True)
+class ForestKind:
+    """Files with one forest, kept to all digits.
+
+    Attributes:
+        name: Of the forest in its file.
+        features: What it looks at.
+        shipped: The file of the one that ships.
+    """
+
+    name: str
+    features: tuple[str, ...]
+    shipped: Path
+
+    def save(self, forest: Forest, path: Path, *, note: str = "") -> None:
+        """Write a forest, as `save_forests` does."""
+        save_forests(path, {self.name: forest}, self.features, note, double=True)
+
+    def load(self, path: Path | None = None) -> Forest:
+        """Read a forest, the shipped one without a path, as `load_forests` does; unchanged files once."""
+        return load_forests(path or self.shipped, self.features, (self.name,), double=True)[self.name]
 
 
 _NODE = Items(Number(), 1, 4)

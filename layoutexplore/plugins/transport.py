@@ -10,6 +10,8 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 from layoutexplore.errors import OwnCodeError, WorkerError
 from layoutexplore.plugins.own_code import Pin, pinned, pins
@@ -82,7 +84,7 @@ def worker_pool(workers: int, begin: Callable[[], object] = int) -> Iterator[Pro
         WorkerError: A process died.
     """
     try:
-        pool = start_pool(workers, _install, pack_own_code(), begin)
+        pool = start_pool(workers, partial(_install, pack_own_code(), begin))
         try:
             yield pool
         finally:
@@ -91,6 +93,22 @@ def worker_pool(workers: int, begin: Callable[[], object] = int) -> Iterator[Pro
         raise WorkerError(
             f"one of {workers} worker processes was killed (out of memory?); fewer of them need less memory"
         ) from error
+
+
+@contextlib.contextmanager
+def worker_map(workers: int, begin: Callable[[], object] = int) -> Iterator[Callable[..., Iterator[Any]]]:
+    """What `map` does, in this process or in a `worker_pool` of several, in the order of what is given.
+
+    Args:
+        workers: Processes; 1 or none for this one.
+        begin: What each of them does first.
+    """
+    if workers <= 1:
+        begin()
+        yield map
+        return
+    with worker_pool(workers, begin) as pool:
+        yield pool.map
 
 
 _installed = contextlib.ExitStack()

@@ -13,7 +13,6 @@ foresees unseen rooms by it; `prior:rough` and the like make such a plan from th
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,21 +86,19 @@ class PriorOptions(Options):
     )
 
 
-def _shape_predictor(outline: Outline, name: str, _: Options) -> RoomPredictor:
-    return ShapePredictor(name, outline)
+def _shape(outline: Outline | None) -> Callable[[str, Options], RoomPredictor]:
+    return lambda name, _: ShapePredictor(name, outline)
 
 
 def _register_shipped() -> None:
-    shapes = {
+    shapes: dict[str, tuple[str, Outline | None]] = {
+        "none": ("no prediction; asked for rooms, what is seen of them", None),
         "rectangle": ("the seen part of a room, completed to a rectangle", rectangle_outline),
         "hull": ("the seen part of a room, completed to its convex hull", hull_outline),
         "parallel-wall": ("the wall across from a seen one completes a room", parallel_outline),
     }
-    none = "no prediction; asked for rooms, what is seen of them"
-    PREDICTORS.ship("none", none, lambda name, _: ShapePredictor(name, None), Options())
     for shape, (doc, outline) in shapes.items():
-        build = functools.partial(_shape_predictor, outline)
-        PREDICTORS.ship(shape, doc, build, Options())
+        PREDICTORS.ship(shape, doc, _shape(outline), Options())
     PREDICTORS.ship(
         "face-subset",
         "the best union of faces of the walls' lines (after Luperto and Amigoni)",
@@ -131,7 +128,7 @@ def _register_shipped() -> None:
         "learned": "the same models over the rooms of any layout method",
     }
     for name, doc in learned.items():
-        PREDICTORS.ship(name, doc, functools.partial(_learned, name), LearnedOptions())
+        PREDICTORS.ship(name, doc, _learned, LearnedOptions())
 
 
 def _doors(text: str) -> float:
@@ -144,8 +141,8 @@ def _doors(text: str) -> float:
         ) from error
 
 
-def _learned(called: str, name: str, options: LearnedOptions) -> LearnedPredictor:
-    del name
+def _learned(name: str, options: LearnedOptions) -> LearnedPredictor:
+    called = name.partition(":")[0]
     folder = Path(options.model) if options.model else None
     return LearnedPredictor(folder, network=options.network == "on", rooms=options.rooms, called=called)
 

@@ -18,20 +18,19 @@ from concurrent.futures import ProcessPoolExecutor
 from layoutexplore.processes import deaf_children, end_with_parent, single_threaded, without_main
 
 
-def start_pool(workers: int, begin: Callable[..., object], *arguments: object) -> ProcessPoolExecutor:
+def start_pool(workers: int, begin: Callable[[], object]) -> ProcessPoolExecutor:
     """A pool all of whose processes have been started.
 
     Args:
         workers: Processes.
         begin: What each of them does first; picklable, and not of the program's main module.
-        arguments: Its arguments.
 
     Raises:
         BrokenProcessPool: A process has died already.
     """
     with single_threaded(), deaf_children(), without_main():
         spawn = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(workers, spawn, initializer=_begin, initargs=(begin, arguments))
+        pool = ProcessPoolExecutor(workers, spawn, initializer=_begin, initargs=(begin,))
         for _ in range(workers):  # A process is started when something is handed out and no other idles.
             pool.submit(int)
     return pool
@@ -47,8 +46,8 @@ def stop_pool(pool: ProcessPoolExecutor) -> None:
             process.terminate()
 
 
-def _begin(begin: Callable[..., object], arguments: tuple[object, ...]) -> None:
+def _begin(begin: Callable[[], object]) -> None:
     """What a worker does first."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     end_with_parent()
-    begin(*arguments)
+    begin()

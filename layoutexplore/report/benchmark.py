@@ -393,8 +393,7 @@ def _write_tables(path: Path, rows: Sequence[Row], comparisons: Sequence[Compari
 
 
 def _flat(c: Comparison) -> dict[str, Any]:
-    ends = {"": "estimate", "_low": "low", "_high": "high"}
-    intervals = {
-        f"{name}{end}": getattr(getattr(c, name), which) for name in _INTERVALS for end, which in ends.items()
-    }
-    return {name: intervals[name] if name in intervals else getattr(c, name) for name in _SUMMARY}
+    columns = dict(vars(c))
+    for name in _INTERVALS:
+        columns |= getattr(c, name).as_columns(name)
+    return {name: columns[name] for name in _SUMMARY}

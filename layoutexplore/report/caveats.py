@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from layoutexplore.agents import make_agent
-from layoutexplore.benchmark.analysis import CellKey, agents_of, cells_of_agents
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.analysis import agents_of, cells_of_agents
+from layoutexplore.benchmark.rows import CellKey, Row
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.frontiers.decision import predictor_of
 from layoutexplore.maps import splits

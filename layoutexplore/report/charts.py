@@ -114,14 +114,10 @@ def line_chart(
         points = []
         for n, value in enumerate(line):
             if math.isfinite(value.estimate):
-                ends = [end if math.isfinite(end) else value.estimate for end in (value.low, value.high)]
                 title = f"{name}, {strata[n]}: {value.estimate:.2f}"
-                low_end, high_end = (height(end) for end in ends)
-                points.append(
-                    Point(
-                        round((n + 0.5) * slot + shift, 2), height(value.estimate), low_end, high_end, title
-                    )
-                )
+                x, y = round((n + 0.5) * slot + shift, 2), height(value.estimate)
+                low_end, high_end = map(height, value.ends)
+                points.append(Point(x, y, low_end, high_end, title))
         drawn.append((name, line_path((p.x, p.y) for p in points), tuple(points)))
     ends = [points[-1].y if points else 100.0 for _, _, points in drawn]
     series = [
@@ -165,21 +161,10 @@ def calibration_chart(confidence: Floats, right: Mask) -> Scatter:
             count = int(inside.sum())
             title = f"said {stated:.2f}, was {observed:.2f}, {count} times"
             size = 4 + 22 * math.sqrt(count / len(right))
-            dots.append(
-                Dot(
-                    round(max(200 * (stated - 0.5), 0.0), 2),
-                    round(100 * (1 - _upper(observed)), 2),
-                    round(size, 1),
-                    title,
-                )
-            )
+            x, y = (200 * max(share - 0.5, 0.0) for share in (stated, observed))
+            dots.append(Dot(round(x, 2), round(100 - y, 2), round(size, 1), title))
     ticks = tuple((200 * (v - 0.5), f"{100 * v:.0f} %") for v in (0.5, 0.6, 0.7, 0.8, 0.9, 1.0))
     return Scatter(tuple(dots), Ticks(ticks, tuple((100 - at, text) for at, text in ticks)))
-
-
-def _upper(share: float) -> float:
-    """A share on an axis from one half to 1."""
-    return min(max(2 * (share - 0.5), 0.0), 1.0)
 
 
 def root_scatter(x: Floats, y: Floats, titles: Sequence[str]) -> Scatter:

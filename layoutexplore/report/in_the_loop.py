@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,7 @@ from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.metrics.overlaps import shared_cells
-from layoutexplore.metrics.statistics import Interval
+from layoutexplore.metrics.statistics import NO_INTERVAL, Interval
 from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.report.templates import png_uri, render
@@ -138,12 +137,11 @@ def write_in_the_loop_report(
 
 def _row(score: LoopScore) -> dict[str, Any]:
     row: dict[str, Any] = {}
-    for key, value in dataclasses.asdict(score).items():
-        if isinstance(getattr(score, key), Interval):
-            estimate, low, high = value if isinstance(value, tuple) else value.values()
-            row |= {key: estimate, f"{key}_low": low, f"{key}_high": high}
+    for key, value in vars(score).items():
+        if isinstance(value, Interval):
+            row |= value.as_columns(key)
         elif key in ("d95", "d99"):
-            row |= {key: None, f"{key}_low": None, f"{key}_high": None}
+            row |= dict.fromkeys(NO_INTERVAL.as_columns(key))
         else:
             row[key] = value
     return row

@@ -18,7 +18,7 @@ from layoutexplore.benchmark.analysis import Comparison, Curves, headline_level,
 from layoutexplore.benchmark.counterfactual import Counterfactual, DecisiveDecision
 from layoutexplore.benchmark.early_stop import POINTS_LOST, EarlyStop, early_stops, has_stop_rule, tried_stops
 from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import CellKey, Row
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing.beliefs import SUFFIX, BelievedPlan, believed_plan
 from layoutexplore.drawing.labels import LABEL_GAP, label_places
@@ -189,11 +189,11 @@ def stop_plot(stops: Sequence[EarlyStop], looks: Mapping[str, Look]) -> StopPlot
         looks: Of the agents; rules that were tried get those that come next.
     """
     every = {**agent_looks([*looks, *(stop.agent for stop in stops)], ""), **looks}
-    lost = [run.lost for stop in stops for run in stop.runs]
-    saved = [run.saved for stop in stops for run in stop.runs]
-    right = max(math.ceil(100 * max(lost, default=0.0) + 0.5), round(200 * POINTS_LOST)) / 100
-    low = min(0.0, math.floor(10 * min(saved, default=0.0)) / 10)
-    high = max(0.3, math.ceil(10 * max(saved, default=0.0) + 0.2) / 10)
+    runs = [run for stop in stops for run in stop.runs]
+    most_lost = max((run.lost for run in runs), default=0.0)
+    right = max(math.ceil(100 * most_lost + 0.5), round(200 * POINTS_LOST)) / 100
+    low = min(0.0, math.floor(10 * min((run.saved for run in runs), default=0.0)) / 10)
+    high = max(0.3, math.ceil(10 * max((run.saved for run in runs), default=0.0) + 0.2) / 10)
 
     def x(value: float) -> float:
         return round(100 * min(max(value / right, 0.0), 1.0), 2)
@@ -204,15 +204,14 @@ def stop_plot(stops: Sequence[EarlyStop], looks: Mapping[str, Look]) -> StopPlot
     labels = label_places([y(stop.saved.estimate) for stop in stops], 2 * LABEL_GAP)
     marks = []
     for k, stop in enumerate(stops):
-        ends = [v if math.isfinite(v) else stop.lost.estimate for v in (stop.lost.low, stop.lost.high)]
-        tips = [v if math.isfinite(v) else stop.saved.estimate for v in (stop.saved.low, stop.saved.high)]
+        lost, saved = stop.lost.ends, stop.saved.ends
         marks.append(
             Mark(
                 stop=stop,
                 colour=every[stop.agent][0],
                 place=(x(stop.lost.estimate), y(stop.saved.estimate)),
-                across=(x(ends[0]), x(ends[1])),
-                along=(y(tips[0]), y(tips[1])),
+                across=(x(lost[0]), x(lost[1])),
+                along=(y(saved[0]), y(saved[1])),
                 dots=tuple((x(run.lost), y(run.saved)) for run in stop.runs),
                 label_at=round(labels[k], 2),
             )
@@ -262,7 +261,7 @@ def prior_section(
     folder: ResultsFolder, rows: Sequence[Row], baseline: str, looks: Mapping[str, Look]
 ) -> list[BeliefLine]:
     """A line for each agent with a plan known beforehand; empty where there is none."""
-    base = {row.key[:3]: row for row in rows if row.agent == baseline and not row.error}
+    base = {row.cell: row for row in rows if row.agent == baseline and not row.error}
     level = (measured_levels(rows) or ("",))[-1]
     by_agent: dict[str, list[tuple[Row, BelievedPlan]]] = {}
     for row in rows:
@@ -297,12 +296,12 @@ def _line(curve: Floats) -> str:
 
 
 def _runs_shown(
-    runs: Sequence[tuple[Row, BelievedPlan]], base: Mapping[tuple[str, int, str], Row], level: str
+    runs: Sequence[tuple[Row, BelievedPlan]], base: Mapping[CellKey, Row], level: str
 ) -> tuple[BeliefRun, ...]:
     """The run that gained most and the one that gained least against the baseline, at a level or in all."""
     ratios, scale = [], f"to {level[1:]}{_NBSP}%" if level else "in all"
     for k, (row, _) in enumerate(runs):
-        other = base.get(row.key[:3])
+        other = base.get(row.cell)
         mine, theirs = (getattr(each, level or "distance") if each else 0.0 for each in (row, other))
         ratios.append((mine / theirs if theirs > 0 else 1.0, k))
     found: list[BeliefRun] = []

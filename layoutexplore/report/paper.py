@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -212,9 +211,8 @@ def _draw_ratios(comparisons: Sequence[Comparison], baseline: str, level: str) -
     size = (_SIZE[0], 0.7 + 0.2 * len(shown))
     figure, axes = _axes(f"metres to {level[1:]} % / metres of {baseline}", "", size)
     for place, c in enumerate(shown):
-        ends = [v if math.isfinite(v) else c.ratio.estimate for v in (c.ratio.low, c.ratio.high)]
         colour = palette.BETTER if c.ratio.high < 1 else palette.WORSE if c.ratio.low > 1 else palette.GREY
-        axes.plot(ends, [place, place], color=palette.to_hex(colour), linewidth=1.2)
+        axes.plot(c.ratio.ends, [place, place], color=palette.to_hex(colour), linewidth=1.2)
         axes.plot([c.ratio.estimate], [place], "o", color=palette.to_hex(colour), markersize=4)
     axes.axvline(1, color=palette.to_hex(palette.RULE), linestyle="--", linewidth=0.8, zorder=0)
     axes.set_yticks(range(len(shown)), [c.agent for c in shown])

@@ -18,6 +18,7 @@ import numpy as np
 from layoutexplore.drawing import palette
 from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.partial_rooms import Item, RoomScore, Scores, predicted_hidden
+from layoutexplore.evaluation.partial_rooms_summary import hidden_interval
 from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.grid import FREE, OCCUPIED
@@ -200,7 +201,7 @@ def _view(scores: Scores, summary: Mapping[str, Any], gallery: Gallery) -> dict[
             for c in coverages
         },
         "hidden_chart": line_chart(
-            _intervals(rooms, strata[1:], "hidden"), [spell(s) for s in strata[1:]], main=gallery.predictor
+            _hidden(rooms, strata[1:]), [spell(s) for s in strata[1:]], main=gallery.predictor
         ),
         "mcc_chart": line_chart(
             _plain(frontiers, coverages[1:], "mcc"),
@@ -253,16 +254,9 @@ def _leader(rooms: Mapping[str, Mapping[str, Any]], stratum: str, measure: str) 
     return max(found, key=lambda name: found[name], default="")
 
 
-def _intervals(
-    lines: Mapping[str, Mapping[str, Any]], strata: Sequence[str], name: str
-) -> dict[str, list[Interval]]:
-    """By predictor and stratum the interval of a measure whose ends are NAME_low and NAME_high."""
-    nothing = {f"{name}_iou": math.nan, f"{name}_low": math.nan, f"{name}_high": math.nan}
-    found = {}
-    for predictor, by_stratum in lines.items():
-        picked = [by_stratum.get(s, nothing) for s in strata]
-        found[predictor] = [Interval(p[f"{name}_iou"], p[f"{name}_low"], p[f"{name}_high"]) for p in picked]
-    return found
+def _hidden(lines: Mapping[str, Mapping[str, Any]], strata: Sequence[str]) -> dict[str, list[Interval]]:
+    """By predictor and stratum the IoU of hidden parts."""
+    return {name: [hidden_interval([by[s]] if s in by else []) for s in strata] for name, by in lines.items()}
 
 
 def _plain(

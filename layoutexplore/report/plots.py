@@ -38,8 +38,6 @@ PICTURED_PLANS = 4
 
 _DASHES = ("", "7 3", "2 3", "9 3 2 3")
 
-_RAMP = np.array(palette.RAMP, np.float64)
-
 _PIECES = 40
 
 
@@ -94,7 +92,7 @@ def forest(comparisons: Sequence[Comparison], metric: str = "d95") -> ForestPlot
 
     rows = []
     for c in shown:
-        left, right = (v if math.isfinite(v) else c.ratio.estimate for v in (c.ratio.low, c.ratio.high))
+        left, right = c.ratio.ends
         other = guards.get(c.agent)
         rows.append(
             ForestRow(
@@ -265,7 +263,7 @@ def pictures_of_tracks(
     found = []
     for plan in chosen:
         start = min(row.start for row in good if row.plan == plan and row.sensor == sensor)
-        here = [row for row in good if (row.plan, row.start, row.sensor) == (plan, start, sensor)]
+        here = [row for row in good if row.cell == (plan, start, sensor)]
         metres = {row: getattr(row, level or "distance") for row in here}
         here.sort(key=lambda row: (math.isnan(metres[row]), metres[row], row.agent))
         honest = [row for row in here if row.agent not in knowing]
@@ -332,10 +330,9 @@ def track_picture(track: Floats, frame: Floats, rows: int) -> TrackPicture:
 
 
 def _ramp(t: float) -> str:
-    place = t * (len(_RAMP) - 1)
-    k = min(int(place), len(_RAMP) - 2)
-    r, g, b = np.round(_RAMP[k] + (place - k) * (_RAMP[k + 1] - _RAMP[k])).astype(int)
-    return palette.to_hex((int(r), int(g), int(b)))
+    place = t * (len(palette.RAMP) - 1)
+    k = int(place)
+    return palette.to_hex(palette.mix(palette.RAMP[k], palette.RAMP[k + 1], place - k))
 
 
 def line_path(points: Iterable[tuple[float, float]]) -> str:

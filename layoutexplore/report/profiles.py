@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.benchmark.analysis import SHORTEST, agents_of
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import CellKey, Row
 from layoutexplore.drawing.labels import label_places
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.report.plots import Look, Tick
@@ -59,11 +59,11 @@ def factors_of_best(rows: Sequence[Row], agents: Sequence[str]) -> Floats:
     Returns:
         float64 (agents, cells), at least 1; inf where 95 % was not reached.
     """
-    metres: dict[tuple[str, int, str], dict[str, float]] = {}
+    metres: dict[CellKey, dict[str, float]] = {}
     for row in rows:
         if not row.error and not math.isnan(row.d95) and row.agent in agents:
             needed = max(row.d95, SHORTEST) if row.reached95 else math.inf
-            metres.setdefault((row.plan, row.start, row.sensor), {})[row.agent] = needed
+            metres.setdefault(row.cell, {})[row.agent] = needed
     shared = [m for m in metres.values() if len(m) == len(agents) and math.isfinite(min(m.values()))]
     table = np.array([[m[agent] for m in shared] for agent in agents], np.float64)
     best = np.array([min(m.values()) for m in shared], np.float64)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.benchmark.recording import ROOMS_AT, Recording
-from layoutexplore.benchmark.rows import Row
+from layoutexplore.benchmark.rows import Row, RunKey
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import ResultsError, checks_arguments, counted
 from layoutexplore.files import write_atomically
@@ -42,7 +42,7 @@ class ReplayView:
     json: str
     script: str
     note: str
-    numbers: Mapping[tuple[str, int, str, str], int]
+    numbers: Mapping[RunKey, int]
 
     def link(self, row: Row, metres: float) -> str:
         """The address in the page of a run at a distance; empty where the run is not in the page."""
@@ -117,7 +117,7 @@ def replay_view(
     """
     runs: list[dict[str, Any]] = []
     floors: dict[str, dict[str, Any]] = {}
-    keys: list[tuple[str, int, str, str]] = []
+    keys: list[RunKey] = []
     size = 0
     for row in rows:
         recording = folder.recording(row)
@@ -149,7 +149,8 @@ def replay_view(
         f"layoutexplore replay {shlex.quote(folder.path.resolve().name)} --plan NAME --agent NAME."
     )
     script = (TEMPLATES / "replay.js").read_text(encoding="utf-8")
-    return ReplayView(_safe(json.dumps(data)), _markup(script), note, {key: k for k, key in enumerate(keys)})
+    text = json.dumps(data).replace("<", "\\u003c")  # no script element can be ended by it
+    return ReplayView(_markup(text), _markup(script), note, {key: k for k, key in enumerate(keys)})
 
 
 def _arrays_of_run(recording: Recording, curve: NDArray[np.float64]) -> dict[str, NDArray[Any]]:
@@ -178,11 +179,6 @@ def _packed(arrays: Mapping[str, NDArray[Any]]) -> str:
     header = json.dumps(rows).encode()
     parts = [len(header).to_bytes(4, "little"), header, *(array.tobytes() for array in arrays.values())]
     return base64.b64encode(zlib.compress(b"".join(parts), 6)).decode()
-
-
-def _safe(text: str) -> str:
-    """JSON that no script element can be ended by."""
-    return _markup(text.replace("<", "\\u003c"))
 
 
 def _markup(text: str) -> str:

@@ -10,12 +10,10 @@ from layoutexplore.benchmark.analysis import FailedRuns
 from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.robustness import AgentUnderNoise, PredictorUnderNoise
 from layoutexplore.files import write_atomically, write_csv
-from layoutexplore.metrics.statistics import Interval
+from layoutexplore.metrics.statistics import NO_INTERVAL, Interval
 from layoutexplore.report.charts import line_chart
 from layoutexplore.report.templates import render
 from layoutexplore.simulation.config import NOISE
-
-NOTHING = Interval(float("nan"), float("nan"), float("nan"))
 
 AGENT_COLUMNS = (
     *("agent", "level", "runs", "reached99", "d95", "d95_low", "d95_high", "d99", "d99_low", "d99_high"),
@@ -70,7 +68,7 @@ def write_robustness_report(
 
 def _lines(values: Mapping[tuple[str, str], Interval], levels: Sequence[str]) -> dict[str, list[Interval]]:
     names = dict.fromkeys(name for name, _ in values)
-    return {name: [values.get((name, level), NOTHING) for level in levels] for name in names}
+    return {name: [values.get((name, level), NO_INTERVAL) for level in levels] for name in names}
 
 
 def _agent_row(line: AgentUnderNoise) -> dict[str, Any]:
@@ -80,18 +78,10 @@ def _agent_row(line: AgentUnderNoise) -> dict[str, Any]:
         "runs": line.runs,
         "reached99": line.reached,
     }
-    for key, value in (("d95", line.d95), ("d99", line.d99), ("d95_to_nearest", line.to_baseline or NOTHING)):
-        row |= {key: value.estimate, f"{key}_low": value.low, f"{key}_high": value.high}
-    return row
+    row |= line.d95.as_columns("d95") | line.d99.as_columns("d99")
+    return row | (line.to_baseline or NO_INTERVAL).as_columns("d95_to_nearest")
 
 
 def _predictor_row(line: PredictorUnderNoise) -> dict[str, Any]:
-    hidden = line.hidden_iou
-    return {
-        "predictor": line.predictor,
-        "level": line.level,
-        "mcc": line.mcc,
-        "hidden_iou": hidden.estimate,
-        "hidden_iou_low": hidden.low,
-        "hidden_iou_high": hidden.high,
-    }
+    row = {"predictor": line.predictor, "level": line.level, "mcc": line.mcc}
+    return row | line.hidden_iou.as_columns("hidden_iou")

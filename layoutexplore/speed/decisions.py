@@ -92,7 +92,6 @@ def decisions() -> Iterator[SpeedRow]:
                 unit="ms",
                 reference=quarters[0],
                 reference_name="in the first quarter",
-                ratio=quarters[0] / quarters[-1],
                 goal=f"<= {_MOST_GROWTH:g}x the first quarter",
                 reached=_MOST_GROWTH * quarters[0] / quarters[-1],
                 agent=agent,

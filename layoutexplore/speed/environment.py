@@ -67,7 +67,6 @@ def map_steps() -> Iterator[SpeedRow]:
         unit="steps/s",
         reference=rates["completed"],
         reference_name="completed rooms",
-        ratio=rates["sketched"] / rates["completed"],
         goal=">= 60 steps/s",
         reached=rates["sketched"] / 60.0,
         note=f"{rates['none']:.0f} steps/s without a predictor",

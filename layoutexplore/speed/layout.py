@@ -55,7 +55,6 @@ def _reconstruction(grid: OccupancyGrid, method: str, config: Any, limit: float)
         unit="ms",
         reference=reference,
         reference_name="rfft2 + HoughLinesP",
-        ratio=reference / ours,
         goal=f"<= {_RATIO:.0f}x the reference and < {limit:.0f} ms",
         reached=min(_RATIO * reference, limit) / ours,
         note=", ".join(f"{name} {1e3 * seconds:.1f}" for name, seconds in stages.items()) + " ms",

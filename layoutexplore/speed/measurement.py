@@ -22,7 +22,6 @@ class SpeedRow:
         unit: Of `ours` and of `reference`.
         reference: The same figure of the reference, or None where the goal is absolute.
         reference_name: What the reference is.
-        ratio: How many times better than the reference; None without one.
         goal: The goal, in words.
         reached: Share of the goal that is reached; 1 or more is good. None where there is no goal.
         note: Where the time goes, or the like.
@@ -33,10 +32,16 @@ class SpeedRow:
     unit: str
     reference: float | None = None
     reference_name: str = ""
-    ratio: float | None = None
     goal: str = ""
     reached: float | None = None
     note: str = ""
+
+    @property
+    def ratio(self) -> float | None:
+        """How many times better than the reference, faster or quicker; None without one."""
+        if self.reference is None:
+            return None
+        return self.ours / self.reference if self.unit.endswith("/s") else self.reference / self.ours
 
     @property
     def missed(self) -> bool:
@@ -45,7 +50,7 @@ class SpeedRow:
 
     def as_dict(self) -> dict[str, Any]:
         """The row as plain data."""
-        return {**asdict(self), "missed": self.missed}
+        return {**asdict(self), "ratio": self.ratio, "missed": self.missed}
 
 
 @dataclass(frozen=True)

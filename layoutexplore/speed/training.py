@@ -69,7 +69,6 @@ def _row(name: str, predictor: str, detour: bool, goal: float) -> SpeedRow:
         unit="decisions/s",
         reference=reference,
         reference_name="sb3-contrib MaskablePPO",
-        ratio=rate / reference,
         goal=f">= {goal:.0f} on 2 cores",
         reached=rate / goal,
         note=", ".join(f"{part} {1e3 * spent / ours.decisions:.2f} ms" for part, spent in shares.items()),

@@ -110,7 +110,6 @@ def _race(setting: _Setting, plan: FloorPlan, *, everybody: bool) -> Iterator[Sp
             unit="decisions/s",
             reference=rates[reference] if reference else None,
             reference_name=reference,
-            ratio=rates[label] / rates[reference] if reference else None,
             goal=f">= {setting.goal:.0f} on 2 cores" if last else "",
             reached=rates[label] / setting.goal if last else None,
         )

@@ -11,14 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from torch import nn
 from torch.nn import functional
 
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.predictors.cell_model.network import LAYERS
 from layoutexplore.predictors.cell_model.network_input import PLANES, draw_planes, reoriented
 from layoutexplore.training.predictor_samples import CellNetworkSample
-from layoutexplore.training.torch_layers import Convolution, StepProgress, fit_network, plain_weights
+from layoutexplore.training.torch_layers import JudgingNetwork, StepProgress, fit_network
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,14 +46,11 @@ class CellNetworkConfig:
     seed: int = 0
 
 
-class TrainableCellNetwork(nn.Module):
+class TrainableCellNetwork(JudgingNetwork):
     """The network of `CellNetwork` with what training needs besides."""
 
     def __init__(self) -> None:
-        super().__init__()
-        *hidden, last = LAYERS
-        self.layers = nn.ModuleDict({name: Convolution(*LAYERS[name]) for name in hidden})
-        self.judge = nn.Conv2d(LAYERS[last][0], LAYERS[last][1], 1)
+        super().__init__(LAYERS)
 
     def forward(self, planes: torch.Tensor) -> torch.Tensor:
         """Log-odds (batch, 2, rows, cols) for planes (batch, PLANES, rows, cols)."""
@@ -68,10 +64,6 @@ class TrainableCellNetwork(nn.Module):
             low = layers[name](torch.cat([larger, skipped], 1))
         found: torch.Tensor = self.judge(layers["end"](low))
         return found
-
-    def weights(self) -> dict[str, Floats32]:
-        """The weights as `CellNetwork` takes them."""
-        return plain_weights({**self.layers, "judge": self.judge})
 
 
 def pretrain_cell_network(

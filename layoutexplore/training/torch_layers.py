@@ -106,6 +106,24 @@ class Convolution(nn.Module):
         return functional.relu(self.norm(self.linear(values)))
 
 
+class JudgingNetwork(nn.Module):
+    """Convolutions by name, and a last layer `judge` without norm; children say how they follow each other.
+
+    Args:
+        shapes: The arguments of each convolution by its name, those of the last layer last.
+    """
+
+    def __init__(self, shapes: Mapping[str, tuple[int, int, int, int]]) -> None:
+        super().__init__()
+        *hidden, last = shapes
+        self.layers = nn.ModuleDict({name: Convolution(*shapes[name]) for name in hidden})
+        self.judge = nn.Conv2d(shapes[last][0], shapes[last][1], 1)
+
+    def weights(self) -> dict[str, Floats32]:
+        """The weights as the network that ships takes them."""
+        return plain_weights({**self.layers, "judge": self.judge})
+
+
 def plain_weights(layers: Mapping[str, nn.Module]) -> dict[str, Floats32]:
     """The weights of layers as network files hold them (`layoutexplore.models.network_files`).
 

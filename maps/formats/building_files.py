@@ -39,8 +39,7 @@ FORMATS = (
 @checks_arguments
 def building_format(path: str | os.PathLike[str]) -> BuildingFormat | None:
     """The format of a file or folder that holds several floors; None for everything else."""
-    path = Path(path)
-    return next((known for known in FORMATS if known.recognises(path)), None)
+    return next((known for known in FORMATS if known.recognises(Path(path))), None)
 
 
 _MOST_SIGNS = 100

@@ -71,15 +71,13 @@ _FLOORS = Record({"floors": Items(_FLOOR), "without_shape": Number(low=0)})
 @checks_arguments
 def is_ifc(path: str | os.PathLike[str]) -> bool:
     """Whether a file is an IFC model, by its name."""
-    path = Path(path)
-    return path.suffix.lower() == ".ifc"
+    return Path(path).suffix.lower() == ".ifc"
 
 
 @checks_arguments
 def ifc_levels(path: str | os.PathLike[str]) -> list[str]:
     """The storeys that have spaces, from below: "BUILDING/STOREY" where there are several buildings."""
-    path = Path(path)
-    return list(_levels(path)[0])
+    return list(_levels(Path(path))[0])
 
 
 @checks_arguments

@@ -44,8 +44,7 @@ def is_imdf(path: str | os.PathLike[str]) -> bool:
 @checks_arguments
 def imdf_levels(path: str | os.PathLike[str]) -> list[str]:
     """The names of the floors, by building and height: "BUILDING/FLOOR" where there are several buildings."""
-    path = Path(path)
-    return list(_levels(path))
+    return list(_levels(Path(path)))
 
 
 @checks_arguments

@@ -35,15 +35,13 @@ METRIC = ("cartesian_meters", "wgs84")
 @checks_arguments
 def is_rmf(path: str | os.PathLike[str]) -> bool:
     """Whether a file is a building of the traffic editor, by its name."""
-    path = Path(path)
-    return path.name.lower().endswith(ENDING)
+    return Path(path).name.lower().endswith(ENDING)
 
 
 @checks_arguments
 def rmf_levels(path: str | os.PathLike[str]) -> list[str]:
     """The levels that have walls."""
-    path = Path(path)
-    return list(_levels(path))
+    return list(_levels(Path(path)))
 
 
 @checks_arguments

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from layoutexplore.errors import MapError, MapWarning, checks_arguments
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
+from layoutexplore.maps.shared_walls import with_cut_doors
 from layoutexplore.maps.sizes import check_outlines, check_plan
 
 LEAST_ROOM = 1.0
@@ -86,16 +87,16 @@ def plan_from_walls(
         Room(id=k, polygon=room, label=_label(room, [places[i] for i in np.sort(areas.query(room))]))
         for k, room in enumerate(rooms, start=1)
     )
-    openings = tuple(_door(line, pair) for line, pair in kept)
-    bare = FloorPlan(name=name, rooms=found, doors=openings)
-    return FloorPlan(
-        name=name,
-        building=building,
-        rooms=found,
-        doors=openings,
-        walls=walls.difference(shapely.union_all([bare.opening(door) for door in openings])),
-        passages=shapely.union_all(polygons_of(loose)),
-        metadata=metadata or {},
+    return with_cut_doors(
+        FloorPlan(
+            name=name,
+            building=building,
+            rooms=found,
+            doors=tuple(_door(line, pair) for line, pair in kept),
+            walls=walls,
+            passages=shapely.union_all(polygons_of(loose)),
+            metadata=metadata or {},
+        )
     )
 
 

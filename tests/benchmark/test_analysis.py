@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.benchmark.analysis import (
+    METRICS,
     POOLED,
     by_plan,
     cells_of_agents,
@@ -18,6 +19,7 @@ from layoutexplore.benchmark.analysis import (
     groups,
     headline_level,
     measured_levels,
+    over_all_sensors,
     pooled_curves,
     ratios_by_plan,
     summarise_agents,
@@ -129,7 +131,11 @@ def test_no_baseline_no_comparison() -> None:
 def test_sensors_are_pooled_only_when_there_are_several() -> None:
     one = [row("a", "tour", 5), row("a", "nearest", 5, error="MapError: broken")]
     assert {name: len(part) for name, part in groups(one).items()} == {"stage": 1}
-    assert list(groups([*one, row("a", "tour", 5, sensor="indoor")])) == [POOLED, "indoor", "stage"]
+    both = [*one, row("a", "tour", 5, sensor="indoor")]
+    assert list(groups(both)) == [POOLED, "indoor", "stage"]
+    for rows, name in ((one, "stage"), (both, POOLED)):
+        found = over_all_sensors(compare(rows, "tour"))
+        assert {key: c.sensor for key, c in found.items()} == {("tour", m): name for m in METRICS}
 
 
 def test_curves_are_in_units_of_the_baseline() -> None:
@@ -163,11 +169,9 @@ def test_ratios_by_plan_are_of_the_starts_that_both_ran() -> None:
 
 
 def test_who_knows_the_plan() -> None:
-    assert (
-        knows_the_plan("clairvoyant")
-        and knows_the_plan("layout-tour:predictor=oracle")
-        and not knows_the_plan("nearest")
-    )
+    assert knows_the_plan("clairvoyant")
+    assert knows_the_plan("layout-tour:predictor=oracle")
+    assert not knows_the_plan("nearest")
     assert not knows_the_plan("clairvoyant-of-tomorrow")
     assert knows_the_plan("plan-tour:predictor=prior:true") and knows_the_plan(
         "plan-tour:predictor=prior:rough"

@@ -37,11 +37,9 @@ def test_pairs_of_saved_and_lost() -> None:
         row("early", 70, 0.96, stop="agent"), row("early", 80, 0.99, plan="b"),
     ]  # fmt: skip
     (stop,) = early_stops(rows, "nearest", lambda r: CURVES[r.agent])
-    assert (
-        stop.agent == "early"
-        and stop.saved.estimate == pytest.approx(0.25)
-        and stop.lost.estimate == pytest.approx(0.015)
-    )
+    assert stop.agent == "early"
+    assert stop.saved.estimate == pytest.approx(0.25)
+    assert stop.lost.estimate == pytest.approx(0.015)
     assert stop.worst == pytest.approx(0.03) and stop.too_early == stop.stopped == 0.5
     assert stop.runs[0].baseline_saved == pytest.approx(1 - (50 + 50 * 6 / 9) / 100)
     assert stop.runs[1].baseline_saved == pytest.approx(0.0) and stop.runs[1].lost == 0.0
@@ -81,6 +79,7 @@ def test_a_tried_rule_is_what_the_agent_would_have_done(tmp_path: Path) -> None:
     curves = lambda row: outcome.folder.episode(row)[0]  # noqa: E731
     found = {stop.agent: stop for stop in early_stops(outcome.rows, "nearest", curves)}
     (tried,) = tried_stops(outcome.rows, "nearest", agents[1], curves, outcome.folder.counterfactual, [8.0])
+    assert not tried_stops(outcome.rows, "nearest", "tour", curves, outcome.folder.counterfactual)
     told = found[agents[2]]
     assert tried.tried and not told.tried and any(row.stop_reason == "agent" for row in outcome.rows)
     for a, b in zip(tried.runs, told.runs, strict=True):

@@ -20,7 +20,7 @@ def test_workers_end_with_a_killed_benchmark() -> None:
     code = """
 import time
 from layoutexplore.benchmark.pool import run_all
-for _ in run_all(time.sleep, [0.0, 600.0, 600.0, 600.0], jobs=2, lost=str, initializer=int):
+for _ in run_all(time.sleep, [0.0, 600.0, 600.0, 600.0], jobs=2, lost=str):
     print("one", flush=True)
 """
     command = [sys.executable, "-c", code]
@@ -32,7 +32,7 @@ for _ in run_all(time.sleep, [0.0, 600.0, 600.0, 600.0], jobs=2, lost=str, initi
 
 UNGUARDED = """
 from layoutexplore.benchmark.pool import run_all
-print(sorted(run_all(eval, ["1 + 1", "2 + 2"], jobs=2, lost=lambda task: -1, initializer=int)))
+print(sorted(run_all(eval, ["1 + 1", "2 + 2"], jobs=2, lost=lambda task: -1)))
 """
 
 
@@ -44,13 +44,13 @@ def test_a_program_needs_neither_a_file_nor_a_guard(from_stdin: bool, tmp_path: 
 
 def test_a_dying_worker_costs_its_task_alone() -> None:
     tasks = ["1 + 1", "__import__('os')._exit(1)", "2 + 2", "3 + 3"]
-    results = list(run_all(eval, tasks, jobs=2, lost=lambda task: f"lost {task[:6]}", initializer=int))
+    results = list(run_all(eval, tasks, jobs=2, lost=lambda task: f"lost {task[:6]}"))
     assert sorted(map(str, results)) == ["2", "4", "6", "lost __impo"]
 
 
 def test_one_job_that_may_end_its_process_has_one_of_its_own() -> None:
     tasks = ["__import__('os')._exit(1)", "2 + 2"]
-    found = run_all(eval, tasks, jobs=1, lost=lambda task: "lost", initializer=int, tries=1, apart=True)
+    found = run_all(eval, tasks, jobs=1, lost=lambda task: "lost", tries=1, apart=True)
     assert sorted(map(str, found)) == ["4", "lost"]
 
 
@@ -59,7 +59,7 @@ def test_a_task_whose_worker_dies_once_runs_again(tmp_path: Path) -> None:
     tasks = [
         f"__import__('os').path.exists({mark!r}) or (open({mark!r}, 'w').close(), __import__('os')._exit(1))"
     ]
-    results = list(run_all(eval, [*tasks, "1", "2"], jobs=2, lost=lambda task: "lost", initializer=int))
+    results = list(run_all(eval, [*tasks, "1", "2"], jobs=2, lost=lambda task: "lost"))
     assert sorted(map(str, results)) == ["1", "2", "True"]
 
 

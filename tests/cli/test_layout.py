@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 from layoutexplore.cli import app
 from layoutexplore.cli.evaluate.segmentation import weights_of
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.layout.merging.merge_forest import load_forest
-from layoutexplore.layout.merging.merge_tree.cut import MergingModels, load_cut_forest
+from layoutexplore.layout.merging.merge_forest import PAIR_FOREST
+from layoutexplore.layout.merging.merge_tree.cut import CUT_FOREST, MergingModels
 from layoutexplore.maps import expand_plans, load_plan
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.painted_rooms import find_cases
@@ -324,7 +324,7 @@ def test_one_command_trains_the_judge_of_pairs_and_that_of_merges(tmp_path: Path
     result = runner.invoke(app, command)
     assert result.exit_code == 0, result.output
     models = MergingModels(
-        load_forest(tmp_path / "new" / "m.json"), load_cut_forest(tmp_path / "new" / "cut_model.json")
+        PAIR_FOREST.load(tmp_path / "new" / "m.json"), CUT_FOREST.load(tmp_path / "new" / "cut_model.json")
     )
     assert models.cut is not None and len(models.cut.roots) == 240 and len(models.pairs.roots) == 120
     result = runner.invoke(app, [*command, "--cut-out", str(tmp_path)])

@@ -23,12 +23,10 @@ def test_one_of_the_rectangles_is_the_room() -> None:
     near = np.abs(boxes - room).max(1)
     assert near.min() <= 2
     known = dict(zip(FEATURES, describe(scene, door, boxes)[near.argmin()].tolist(), strict=True))
-    assert (
-        known["left_contact"] > 0.9
-        and known["right_contact"] > 0.9
-        and known["near_contact"] > 0.9
-        and known["hull"] == 1
-    )
+    assert known["left_contact"] > 0.9
+    assert known["right_contact"] > 0.9
+    assert known["near_contact"] > 0.9
+    assert known["hull"] == 1
     assert known["width"] == pytest.approx(WIDTH * 0.05, abs=0.15) and known["depth"] == pytest.approx(
         DEPTH * 0.05, abs=0.15
     )

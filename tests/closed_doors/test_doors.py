@@ -37,10 +37,8 @@ def test_an_edge_in_numbers() -> None:
     left = 10 + 2 * (WIDTH + WALL)
     (leaf,) = (k for k, edge in enumerate(edges.tolist()) if edge[1:] == [left + 25, left + 45])
     known = dict(zip(DOOR_FEATURES, door_features(seen, 0.05, edges)[leaf].tolist(), strict=True))
-    assert (
-        known["length"] == pytest.approx(1.0)
-        and known["occupied"] == 1
-        and known["behind"] == pytest.approx(3.0)
-    )
+    assert known["length"] == pytest.approx(1.0)
+    assert known["occupied"] == 1
+    assert known["behind"] == pytest.approx(3.0)
     assert known["recess"] == known["recess_other"] == pytest.approx(0.15)
     assert known["loose"] == known["loose_other"] == 0

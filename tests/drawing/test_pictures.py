@@ -111,11 +111,9 @@ def test_frontier_classes_have_colours(plan: FloorPlan) -> None:
     assert len(judged) >= 2
     simulation.state.decision = replace(decision, frontiers=judged)
     image = draw_state(simulation)
-    assert (
-        count(image, palette.CLOSED) > 20
-        and count(image, palette.OPEN) > 20
-        and count(image, palette.FRONTIER) == 0
-    )
+    assert count(image, palette.CLOSED) > 20
+    assert count(image, palette.OPEN) > 20
+    assert count(image, palette.FRONTIER) == 0
 
 
 def test_what_is_predicted_is_drawn_where_it_is_and_told_right_from_wrong(plan: FloorPlan) -> None:
@@ -133,10 +131,8 @@ def test_what_is_predicted_is_drawn_where_it_is_and_told_right_from_wrong(plan: 
     right, wrong = (unknown & (simulation.truth.target == is_floor) for is_floor in (True, False))
     assert right.any() and wrong.any()
     hinted = draw_state(simulation, size=(700, 450))
-    assert (
-        count(hinted, palette.PREDICTED) > 5 * right.sum()
-        and count(hinted, palette.MISTAKEN) > 5 * wrong.sum()
-    )
+    assert count(hinted, palette.PREDICTED) > 5 * right.sum()
+    assert count(hinted, palette.MISTAKEN) > 5 * wrong.sum()
     plain = draw_state(simulation, size=(700, 450), truth=False)
     assert count(plain, palette.MISTAKEN) == 0 and count(plain, palette.PREDICTED) > count(
         hinted, palette.PREDICTED

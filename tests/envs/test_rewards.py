@@ -110,6 +110,7 @@ def test_giving_up_costs_the_rest_of_the_budget(reason: str, early: float, late:
     assert PathToMarks()(step) == pytest.approx(-(early + late) / 100.0)
     seen = step._replace(coverage=0.97, metres_before_95=0.0)
     assert PathToMarks()(seen) == pytest.approx(-late / 100.0)
+    assert PathToMarks()(seen._replace(coverage=0.99)) == pytest.approx(-0.04)  # there is nothing to give up
 
 
 def test_finished_rooms_earn_a_bonus() -> None:

@@ -87,10 +87,8 @@ def test_trajectories_are_those_of_single_environments(
     rng, ended = np.random.default_rng(0), 0
     try:
         assert env.metadata["autoreset_mode"] is mode
-        assert (
-            env.observation_space == reference.observation_space
-            and env.action_space == reference.action_space
-        )
+        assert env.observation_space == reference.observation_space
+        assert env.action_space == reference.action_space
         assert env.single_observation_space == reference.single_observation_space
         env.single_action_space.seed(0)
         ours, theirs = env.reset(seed=[7, 11, 4]), reference.reset(seed=[7, 11, 4])

@@ -25,7 +25,7 @@ def test_simulated_maps_of_a_building_that_is_held_out_are_not_learnt_from(
         paint(tmp_path, name, 40 + 4 * k)
     cases = find_cases([tmp_path], {"flat": "apartment-01"})
     config = CrossValidationConfig(
-        folds=2, protocol="rose2", resolution=0.05, simulated=3, plans=("apartment-01",)
+        folds=2, protocol="rose2", resolution=0.05, simulated=2, plans=("apartment-01",)
     )
     scored = {case.building: row.fold for case, row, _ in cross_validate_merging(cases, config)}
     assert set(scored) == {"apartment-01", "barn"}

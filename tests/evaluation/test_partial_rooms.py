@@ -20,6 +20,7 @@ from layoutexplore.evaluation.partial_rooms_summary import (
     f1,
     matthews,
     summarise_partial_rooms,
+    summarise_parts,
 )
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.geojson import save_plan
@@ -52,16 +53,18 @@ def test_oracle_and_none(snapshots: list[Snapshot]) -> None:
             )
     summary = summarise_partial_rooms(scores)
     best = summary["oracle"]["frontiers"][0]
-    assert (
-        best["leftover_accuracy"] == 1.0
-        and best["calibration_error"] == 0.0
-        and best["f1_closed"] in (0.0, 1.0)
-    )
+    assert best["leftover_accuracy"] == 1.0
+    assert best["calibration_error"] == 0.0
+    assert best["f1_closed"] in (0.0, 1.0)
     assert (
         summary["oracle"]["rooms"][0]["rooms"]
         == summary["none"]["rooms"][0]["rooms"]
         == len(scores.rooms) // 2
     )
+    assert summary["oracle"]["rooms"][0]["mae_m2"] == 0.0 < summary["none"]["rooms"][0]["mae_m2"]
+    (part,) = summarise_parts(scores, "oracle", {"flat": "all"})
+    assert part["hidden_iou"] == part["leftover_accuracy"] == 1.0
+    assert (part["rooms"], part["frontiers"]) == (len(scores.rooms) // 2, len(scores.frontiers) // 2)
 
 
 def test_items_are_rooms_in_part_with_a_frontier(snapshots: list[Snapshot]) -> None:
@@ -76,11 +79,9 @@ def test_items_are_rooms_in_part_with_a_frontier(snapshots: list[Snapshot]) -> N
 
 def test_measures() -> None:
     a, b = np.array([True, True, False, False]), np.array([True, False, False, False])
-    assert (
-        matthews(a, a) == pytest.approx(1.0)
-        and matthews(a, ~a) == pytest.approx(-1.0)
-        and matthews(a, a | True) == 0.0
-    )
+    assert matthews(a, a) == pytest.approx(1.0)
+    assert matthews(a, ~a) == pytest.approx(-1.0)
+    assert matthews(a, a | True) == 0.0
     assert f1(a, b) == pytest.approx(2 / 3)
     assert calibration_error(np.array([0.75, 0.75, 0.75, 0.75]), np.array([True, True, True, False])) == 0.0
     assert calibration_error(np.array([0.95, 0.95]), np.array([True, False])) == pytest.approx(0.45)

@@ -28,8 +28,7 @@ from layoutexplore.evaluation.layouts import read_outlines
 from layoutexplore.files import to_toml, write_atomically
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.ros_map import load_grid
-from layoutexplore.layout.merging.merge_forest import load_forest
-from layoutexplore.layout.merging.merge_forest import save_forest as save_merge_forest
+from layoutexplore.layout.merging.merge_forest import PAIR_FOREST
 from layoutexplore.maps.closed_door_maps import read_cells
 from layoutexplore.maps.formats.building_files import floors_of
 from layoutexplore.maps.geojson import save_plan
@@ -71,7 +70,7 @@ class Target:
         share: Inputs a turn: costly readers get fewer.
     """
 
-    write: Callable[[Path], None]
+    write: Callable[[Path], object]
     files: dict[str, str]
     read: Callable[[Path], object]
     share: float = 1.0
@@ -169,9 +168,7 @@ def write_network_policy(folder: Path) -> None:
 def write_forest_file(folder: Path) -> None:
     feature, value = np.array([3, -1, 5, -1, -1], np.int32), np.array([0.5, 1.0, 2.5, -1.0, 0.25])
     left, right = np.array([1, 0, 3, 0, 0], np.int32), np.array([2, 0, 4, 0, 0], np.int32)
-    save_merge_forest(
-        Forest(feature, value, left, right, np.array([0], np.int32), 0.1), folder / "trees.json"
-    )
+    PAIR_FOREST.save(Forest(feature, value, left, right, np.array([0], np.int32), 0.1), folder / "trees.json")
 
 
 LAYERS = {"show": (2, 3, 3, 1), "judge": (3, 1, 1, 1)}
@@ -189,7 +186,7 @@ def read_network(folder: Path) -> None:
 
 
 def read_trees(folder: Path) -> None:
-    forest = load_forest(folder / "trees.json")
+    forest = PAIR_FOREST.load(folder / "trees.json")
     samples = np.zeros((9, 200))
     assert np.isfinite(forest.score(samples)).all() and len(forest.numbers) == 6
 
@@ -322,28 +319,28 @@ TARGETS: dict[str, Target] = {
         read=lambda folder: use_plan(folder / "plan.geojson"),
     ),
     "HouseExpo": Target(
-        write=lambda folder: void(write_houseexpo(folder)),
+        write=lambda folder: write_houseexpo(folder),
         files={"house.json": "json", "house.label_data.json": "json"},
         read=lambda folder: use_plan(folder / "house.json"),
     ),
     "school XML": Target(write=write_school, files={"school.xml": "xml"}, read=read_school),
     "IMDF": Target(
-        write=lambda folder: void(write_imdf(folder / "home")),
+        write=lambda folder: write_imdf(folder / "home"),
         files={f"home/{part}.geojson": "json" for part in ("level", "unit", "opening")},
         read=lambda folder: use_building(folder / "home"),
     ),
     "OSM": Target(
-        write=lambda folder: void(write_osm(folder / "home.osm")),
+        write=lambda folder: write_osm(folder / "home.osm"),
         files={"home.osm": "xml"},
         read=lambda folder: use_building(folder / "home.osm"),
     ),
     "osmAG": Target(
-        write=lambda folder: void(write_osmag(folder / "home.osm")),
+        write=lambda folder: write_osmag(folder / "home.osm"),
         files={"home.osm": "xml"},
         read=lambda folder: use_building(folder / "home.osm"),
     ),
     "Open-RMF": Target(
-        write=lambda folder: void(write_rmf(folder / "two.building.yaml")),
+        write=lambda folder: write_rmf(folder / "two.building.yaml"),
         files={"two.building.yaml": "yaml"},
         read=lambda folder: use_building(folder / "two.building.yaml"),
     ),
@@ -353,7 +350,7 @@ TARGETS: dict[str, Target] = {
         read=lambda folder: use_plan(folder / "lines.geojson"),
     ),
     "walls GeoJSON": Target(
-        write=lambda folder: void(write_walls(folder / "walls.geojson")),
+        write=lambda folder: write_walls(folder / "walls.geojson"),
         files={"walls.geojson": "json"},
         read=lambda folder: use_plan(folder / "walls.geojson"),
     ),
@@ -361,7 +358,7 @@ TARGETS: dict[str, Target] = {
     "ROS map": Target(write=write_ros, files={"map.yaml": "yaml", "map.pgm": "pgm"}, read=read_ros),
     "image": Target(write=write_image, files={"plain.png": "png"}, read=read_images, share=0.5),
     "KTH": Target(
-        write=lambda folder: void(write_kth(folder)),
+        write=write_kth,
         files={"50_PLAN1_occ.png": "png", "50_PLAN1_rooms.png": "png"},
         read=lambda folder: use_plan(folder / "50_PLAN1_occ.png"),
         share=0.5,
@@ -387,7 +384,3 @@ TARGETS: dict[str, Target] = {
         read=read_resume,
     ),
 }
-
-
-def void(_: object) -> None:
-    """Nothing: a function that returns something where none is wanted."""

@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 
 from layoutexplore.closed_doors.models import DOOR_MODEL, ROOM_MODEL
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.layout.merging.merge_forest import MODEL_PATH, load_forest
+from layoutexplore.layout.merging.merge_forest import PAIR_FOREST
+from layoutexplore.layout.merging.merge_tree.cut import CUT_FOREST
+from layoutexplore.layout.merging.ray_fans.classifier import FAN_FOREST
 from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import load_forests, save_forests
 from layoutexplore.predictors.learned import CELL_MODEL, FRONTIER_MODEL
@@ -25,12 +27,14 @@ def same(one: Forest, other: Forest) -> bool:
     return one.bias == other.bias and all(a.dtype == b.dtype and np.array_equal(a, b) for a, b in pairs)
 
 
-@pytest.mark.parametrize(
-    "path", [MODEL_PATH, FRONTIER_MODEL, CELL_MODEL, DOOR_MODEL, ROOM_MODEL], ids=lambda path: path.stem
-)
+DOUBLE = [kind.shipped for kind in (PAIR_FOREST, CUT_FOREST, FAN_FOREST)]
+SINGLE = [FRONTIER_MODEL, CELL_MODEL, DOOR_MODEL, ROOM_MODEL]
+
+
+@pytest.mark.parametrize("path", [*DOUBLE, *SINGLE], ids=lambda path: path.stem)
 def test_what_ships_is_written_again_to_the_last_byte(path: Path, tmp_path: Path) -> None:
     data = json.loads(path.read_text())
-    features, double = tuple(data["features"]), path == MODEL_PATH
+    features, double = tuple(data["features"]), path in DOUBLE
     forests = load_forests(path, features, double=double)
     save_forests(tmp_path / "again.json", forests, features, data["note"], double=double)
     assert (tmp_path / "again.json").read_bytes() == path.read_bytes()
@@ -87,18 +91,18 @@ def test_foreign_and_damaged_models(text: str, tmp_path: Path) -> None:
     ],
 )
 def test_a_damaged_judge_is_named(old: str, new: str, message: str, tmp_path: Path) -> None:
-    text = MODEL_PATH.read_text()
+    text = PAIR_FOREST.shipped.read_text()
     assert old in text
     path = tmp_path / "judge.json"
     path.write_text(text.replace(old, new))
     with pytest.raises(ConfigError, match=message) as caught:
-        load_forest(path)
+        PAIR_FOREST.load(path)
     assert "judge.json" in str(caught.value)
 
 
 def test_no_model_there(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"judge\.json: no model can be read here"):
-        load_forest(tmp_path / "judge.json")
+        PAIR_FOREST.load(tmp_path / "judge.json")
 
 
 def test_a_model_that_cannot_be_written_leaves_nothing_behind(tmp_path: Path) -> None:

@@ -339,10 +339,8 @@ def test_closed_doors_page(tmp_path: Path) -> None:
     assert (out / "pictures" / "flat_1_doors.png").is_file() and (out / "summary.csv").is_file()
     (row,) = csv.DictReader((out / "maps.csv").open())
     (score_,) = json.loads(numbers.read_text())["maps"]
-    assert (
-        float(row["ours_iou"]) == pytest.approx(score_["ours"]["iou"], abs=1e-5)
-        and float(row["reference_iou"]) == 1.0
-    )
+    assert float(row["ours_iou"]) == pytest.approx(score_["ours"]["iou"], abs=1e-5)
+    assert float(row["reference_iou"]) == 1.0
     CliRunner().invoke(app, [*arguments[:-4], "--out", str(tmp_path / "bare"), "--no-report"])
     assert not (tmp_path / "bare" / "report.html").exists()
 

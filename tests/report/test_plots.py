@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutexplore.benchmark.analysis import Comparison
+from layoutexplore.benchmark.analysis import Comparison, PooledCurve
 from layoutexplore.metrics.statistics import Interval
-from layoutexplore.report.plots import floor_picture, forest, heat, track_picture
+from layoutexplore.report.plots import agent_looks, curve_lines, floor_picture, forest, heat, track_picture
 from layoutexplore.report.templates import png_uri
 
 
@@ -56,11 +56,17 @@ def test_forest_without_intervals_and_with_a_guard() -> None:
     lone = dataclasses.replace(comparison("tour", 0.9), ratio=Interval(0.9, nan, nan))
     drawn = forest([lone, comparison("tour", 1.1, metric="d99")])
     (row,) = drawn.rows
-    assert (
-        row.low == row.place == row.high
-        and row.guard_place is not None
-        and row.guard_place > drawn.one > row.place
-    )
+    assert row.low == row.place == row.high
+    assert row.guard_place is not None
+    assert row.guard_place > drawn.one > row.place
+
+
+def test_coverage_rises_from_the_lower_left_of_its_frame() -> None:
+    x, mean = np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.6, 0.9])
+    curve = PooledCurve(agent="tour", x=x, mean=mean, low=0.5 * mean, high=mean, cells=2)
+    (line,) = curve_lines([curve], ["nearest", "tour"], agent_looks(["tour"], "nearest"))
+    assert line.path == "M0.00,100.00 L50.00,40.00 L100.00,10.00" and line.end == 10.0
+    assert line.band.startswith(line.path) and "L100.00,55.00" in line.band
 
 
 def test_a_way_starts_and_ends_where_it_should() -> None:

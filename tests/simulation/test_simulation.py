@@ -179,10 +179,8 @@ def test_frontiers_come_nearest_first_and_can_be_reached() -> None:
     lengths = [f.path_length for f in decision.frontiers]
     assert lengths == sorted(lengths) and all(map(math.isfinite, lengths))
     for frontier in decision.frontiers:
-        assert (
-            decision.traversable[frontier.viewpoint]
-            and decision.distances[frontier.viewpoint] == frontier.path_length
-        )
+        assert decision.traversable[frontier.viewpoint]
+        assert decision.distances[frontier.viewpoint] == frontier.path_length
         assert frontier.size >= 0.4 and frontier.visible_area >= 0
     tour = decision.path_lengths(range(len(decision.frontiers)))
     assert np.allclose(tour, tour.T) and np.allclose(tour[0, 1:], lengths)

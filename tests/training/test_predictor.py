@@ -22,10 +22,19 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
         save_plan(floorplan_from_ascii(plan, resolution=0.9, name=name), tmp_path / f"{name}.geojson")
     paths = [str(tmp_path / f"{name}.geojson") for name in ("north", "south")]
     out = tmp_path / "models"
-    arguments = ["evaluate", "train-predictor", *paths, "--folds", "2", "--stops", "2", "--trees", "4"]
-    arguments += ["--out", str(out)]
-    store = ["--store", str(tmp_path / "store")]
-    network = ["office:7", "--stretched", "1", "--first-steps", "2", "--steps", "2", "--frontier-steps", "2"]
+    plainly = ["evaluate", "train-predictor", *paths, "--stops", "2", "--trees", "4", "--out", str(out)]
+    arguments, store = [*plainly, "--folds", "2"], ["--store", str(tmp_path / "store")]
+    network = [
+        "apartment:7",
+        "--stretched",
+        "1",
+        "--first-steps",
+        "2",
+        "--steps",
+        "2",
+        "--frontier-steps",
+        "2",
+    ]
     result = CliRunner().invoke(cli.app, [*arguments, *network, *store])
     assert result.exit_code == 0, result.output
     assert "held out" in result.output and "hidden_iou" in result.output
@@ -39,29 +48,27 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
     assert make_room_predictor(f"layout:model={out}").name.startswith("layout:")
     networks = [path.name for path in (CELL_NETWORK, FRONTIER_NETWORK)]
     assert all((out / folder / name).exists() for folder in ("fold1", "fold2", ".") for name in networks)
-    alone = [*arguments, "office:7", "--no-network", *store, "--doubtful", paths[1]]
+    alone = [*arguments, "apartment:7", "--no-network", *store, "--doubtful", paths[1]]
     assert CliRunner().invoke(cli.app, alone).exit_code == 0
     for folder, more in zip(("fold1", "fold2", "."), frontiers, strict=True):
         fewer = json.loads((out / folder / FRONTIER_MODEL.name).read_text())["note"]
         assert int(fewer.split()[0]) < more, "copies are learnt from"
     assert not any(list(out.rglob(name)) for name in networks), "a network of an earlier training has no say"
-    taken = [*arguments, "--frontier-steps", "2", "--rooms-of", "shipped", *store]
+    taken = [*plainly, "--frontier-steps", "2", "--rooms-of", "shipped", *store]
     result = CliRunner().invoke(cli.app, taken)
     assert result.exit_code == 0, result.output
-    for folder in ("fold1", "fold2", "."):
-        assert (out / folder / FRONTIER_NETWORK.name).exists()
-        for path in (CELL_MODEL, CELL_NETWORK):
-            assert (out / folder / path.name).read_bytes() == path.read_bytes()
-    nowhere = CliRunner().invoke(cli.app, [*arguments, "--rooms-of", str(tmp_path / "none")])
+    assert (out / FRONTIER_NETWORK.name).exists()
+    for path in (CELL_MODEL, CELL_NETWORK):
+        assert (out / path.name).read_bytes() == path.read_bytes()
+    nowhere = CliRunner().invoke(cli.app, [*plainly, "--rooms-of", str(tmp_path / "none")])
     assert nowhere.exit_code != 0 and str(tmp_path / "none") in str(nowhere.exception)
     bare = tmp_path / "bare"
     bare.mkdir()
     for name in (FRONTIER_MODEL.name, CELL_MODEL.name):
         (bare / name).write_bytes((out / name).read_bytes())
     assert CliRunner().invoke(cli.app, [*taken, "--rooms-of", str(bare)]).exit_code == 0
-    for folder in ("fold1", "fold2", "."):
-        assert not (out / folder / CELL_NETWORK.name).exists(), "no network stays that the folder has not"
-        assert (out / folder / FRONTIER_NETWORK.name).exists()
+    assert not (out / CELL_NETWORK.name).exists(), "no network stays that the folder has not"
+    assert (out / FRONTIER_NETWORK.name).exists()
 
 
 def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
@@ -69,12 +76,12 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:
         plan = floorplan_from_ascii(THREE_OFFICES, resolution=0.9, name=name)
         save_plan(plan, tmp_path / f"{name}.geojson")
     paths = [str(tmp_path / f"{name}.geojson") for name in ("north", "south")]
-    arguments = ["evaluate", "train-predictor", *paths, "office:7", "--stops", "2", "--no-network"]
+    arguments = ["evaluate", "train-predictor", *paths, "apartment:7", "--stops", "2", "--no-network"]
     arguments += ["--out", str(tmp_path / "no")]
     for wrong in (["--folds", "3"], ["--folds", "2", "--no-forests"]):
         result = CliRunner().invoke(cli.app, [*arguments, *wrong])
         assert result.exit_code != 0 and not (tmp_path / "no").exists()
-    for word in ("office:7", "nowhere"):
+    for word in ("apartment:7", "nowhere"):
         result = CliRunner().invoke(cli.app, [*arguments, "--doubtful", word])
         assert result.exit_code != 0 and f"--doubtful '{word}' is no word of PLANS" in str(result.exception)
         assert not (tmp_path / "no").exists()
@@ -88,11 +95,9 @@ def test_a_plan_that_is_seen_at_once_teaches_nothing(tmp_path: Path) -> None:
     closet, house = (str(tmp_path / f"{name}.geojson") for name in ("closet", "house"))
     options = ["--no-network", "--stops", "2", "--trees", "4", "--out", str(tmp_path / "models")]
     result = CliRunner().invoke(cli.app, ["evaluate", "train-predictor", closet, *options])
-    assert (
-        result.exit_code != 0
-        and "nothing to learn from" in str(result.exception)
-        and not (tmp_path / "models").exists()
-    )
+    assert result.exit_code != 0
+    assert "nothing to learn from" in str(result.exception)
+    assert not (tmp_path / "models").exists()
     result = CliRunner().invoke(cli.app, ["evaluate", "train-predictor", closet, house, *options])
     assert result.exit_code == 0 and (tmp_path / "models" / FRONTIER_MODEL.name).exists(), result.output
 
@@ -105,7 +110,7 @@ def test_each_source_is_left_out_in_turn(tmp_path: Path) -> None:
     sources = [str(tmp_path / name) for name in ("north", "south")]
     options = ["--leave-out", "source", "--no-network", "--stops", "2", "--trees", "4"]
     out = tmp_path / "models"
-    command = ["evaluate", "train-predictor", *sources, "office:7", *options, "--out", str(out)]
+    command = ["evaluate", "train-predictor", *sources, "apartment:7", *options, "--out", str(out)]
     result = CliRunner().invoke(cli.app, command)
     assert result.exit_code == 0, result.output
     rows = [line for line in result.output.splitlines() if re.match(r"without-(north|south) ", line)]

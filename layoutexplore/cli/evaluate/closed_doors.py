@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile
-from layoutexplore.files import check_places, write_json
+from layoutexplore.cli.evaluate.options import JsonFile, write_numbers
+from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
     from layoutexplore.evaluation.closed_doors import PairScore
@@ -22,13 +22,6 @@ NOTE = (
     "the trees that ship were trained on eight buildings with a published answer and on floor plans; "
     "scores on these are not held out: --folds 8 --plans FOLDER"
 )
-
-
-HELP = (
-    "Rooms behind closed doors: free-space IoU; IoU, precision and recall on what was never seen; "
-    "beside a reference."
-)
-
 
 Plans = Annotated[
     list[str] | None,
@@ -60,7 +53,10 @@ def closed_doors(
     report: Annotated[bool, typer.Option(help="Also write report.html with a picture of every map.")] = True,
     json_file: JsonFile = None,
 ) -> None:
-    """Score rooms behind closed doors; `HELP` is what the command line says."""
+    """Rooms behind closed doors: free-space IoU, and how what was never seen is predicted.
+
+    IoU, precision and recall on what was never seen, beside a reference.
+    """
     from layoutexplore.errors import require
     from layoutexplore.evaluation.closed_doors import (
         cross_validate_closed_doors,
@@ -95,9 +91,7 @@ def closed_doors(
     if report:
         written = write_closed_doors_report(out, triples, scores, summary, command=command_line(), note=note)
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
-    if json_file is not None:
-        write_json(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
-        typer.echo(f"written: {json_file}")
+    write_numbers(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
 
 
 def train_closed_doors(
@@ -132,10 +126,10 @@ def _learn_from(
 ) -> list[tuple[Source, ClosedDoorSamples]]:
     """The samples of all maps and plans."""
     from layoutexplore.cli.progress import ProgressLine, plain_console
-    from layoutexplore.maps import expand_plans
+    from layoutexplore.maps.library import find_plans
     from layoutexplore.training.closed_doors import collect_all, find_sources
 
-    sources = find_sources(folder, [source for spec in plans for source in expand_plans(spec)])
+    sources = find_sources(folder, find_plans(plans))
     with ProgressLine(plain_console(), "maps to learn from") as line:
         return list(
             collect_all(

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile
-from layoutexplore.files import check_places, write_json
+from layoutexplore.cli.evaluate.options import JsonFile, write_numbers
+from layoutexplore.files import check_places
 
 _FIGURES = {
     "correlation": "correlation of W and precision",
@@ -20,12 +20,6 @@ _FIGURES = {
 }
 
 
-HELP = (
-    "ROSE on clean maps with clutter added: precision, recall, W against precision, wall-line error with and "
-    "without it."
-)
-
-
 def clutter(
     maps: Annotated[
         list[Path], typer.Argument(help="Clean grid maps, images or ROS YAML; or folders of images.")
@@ -33,7 +27,10 @@ def clutter(
     resolution: Annotated[float, typer.Option(min=0.001, help="Metres a pixel.")] = 0.05,
     json_file: JsonFile = None,
 ) -> None:
-    """Run ROSE on clean maps with clutter added; `HELP` is what the command line says."""
+    """ROSE on clean maps with clutter added.
+
+    Precision, recall, W against precision, and the wall-line error with and without it.
+    """
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.evaluation.clutter import run_study
     from layoutexplore.grids.ros_map import load_grid
@@ -47,6 +44,4 @@ def clutter(
         for which, number in values.items():
             name = _FIGURES.get(key, key.replace("_", " "))
             typer.echo(f"{name}{which}: {number if isinstance(number, int) else format(number, '.3g')}")
-    if json_file is not None:
-        write_json(json_file, {"summary": asdict(summary), "trials": [asdict(t) for t in trials]})
-        typer.echo(f"written: {json_file}")
+    write_numbers(json_file, {"summary": asdict(summary), "trials": [asdict(t) for t in trials]})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -20,11 +19,6 @@ COLUMNS = (
 )
 """Those of foresight.csv."""
 
-HELP = (
-    "Metres of plan-tour with foresight of 0, 1, 2, 3 and all doors, or of any predictor, over those of "
-    "layout-tour in the same cells; a table with intervals over buildings."
-)
-
 
 def foresight(
     plans: FloorPlans,
@@ -39,11 +33,13 @@ def foresight(
     starts: Starts = 1,
     jobs: Workers = None,
 ) -> None:
-    """Measure what foresight is worth; `HELP` is what the command line says."""
+    """Metres of plan-tour with foresight of 0, 1, 2, 3 and all doors, or of any predictor.
+
+    They are compared with those of layout-tour in the same cells; a table with intervals over buildings.
+    """
     from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.benchmark.config import BenchmarkConfig
-    from layoutexplore.cli.benchmark import run_with_progress
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.benchmark import run_shared
     from layoutexplore.evaluation.foresight import (
         HORIZONS,
         PLANNER,
@@ -67,13 +63,11 @@ def foresight(
         baseline=REFERENCE,
         explain=False,
     )
-    outcome = run_with_progress(plain_console(), config, out / "runs", jobs=jobs, shared=True)
-    for row in outcome.failed:
-        typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
-    scores = score_foresight(outcome.rows, predictors)
+    rows = run_shared(config, out / "runs", jobs)
+    scores = score_foresight(rows, predictors)
     write_csv(out / "foresight.csv", [_line(score) for score in scores], columns=COLUMNS)
     text = foresight_table(scores)
-    if failed := failed_runs(outcome.rows):
+    if failed := failed_runs(rows):
         text += "\nFailed runs are in no figure above:\n\n" + "".join(f"- {line}\n" for line in failed)
     if not scores:
         text += f"\nNothing is compared: {REFERENCE} and {PLANNER} did not both end a run well in one cell.\n"
@@ -85,8 +79,4 @@ def foresight(
 
 def _line(score: ForesightScore) -> dict[str, Any]:
     """A line of the table, each interval as an estimate and its ends."""
-    line = dataclasses.asdict(score)
-    for key in ("d95", "d99"):
-        way = getattr(score, key)
-        line |= {key: way.estimate, f"{key}_low": way.low, f"{key}_high": way.high}
-    return line
+    return vars(score) | score.d95.as_columns("d95") | score.d99.as_columns("d99")

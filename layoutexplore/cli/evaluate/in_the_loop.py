@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from layoutexplore.cli.evaluate.options import FloorPlans, PageFolder, Sensors, Starts, Workers
+from layoutexplore.cli.evaluate.partial_rooms import judge_explorations
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
     from layoutexplore.evaluation.in_the_loop import LoopScore
-    from layoutexplore.evaluation.partial_rooms import Scores
+    from layoutexplore.maps.floorplan import FloorPlan
     from layoutexplore.predictors.protocol import RoomPredictor
-    from layoutexplore.predictors.snapshot import Snapshot
     from layoutexplore.report.in_the_loop import BelievedRooms
 
 PREDICTORS = (
@@ -33,12 +33,6 @@ SHOWN = (0.25, 0.5, 0.75)
 """Coverages at which one exploration is drawn."""
 
 
-HELP = (
-    "Predictors on snapshots, and the metres of layout-tour with each; a table, and pictures of what they "
-    "believed."
-)
-
-
 def in_the_loop(
     plans: FloorPlans,
     out: PageFolder,
@@ -50,15 +44,17 @@ def in_the_loop(
     starts: Starts = 2,
     jobs: Workers = None,
 ) -> None:
-    """Compare predictors in the loop; `HELP` is what the command line says."""
+    """Predictors on snapshots, and the metres of layout-tour with each.
+
+    A table, and pictures of what they believed.
+    """
     from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.benchmark.config import BenchmarkConfig
-    from layoutexplore.cli.benchmark import run_with_progress
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.benchmark import run_shared
     from layoutexplore.errors import require
     from layoutexplore.evaluation.in_the_loop import BASELINE, driver_of, score_in_the_loop
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
-    from layoutexplore.maps.library import find_plans
+    from layoutexplore.maps.library import cached_plan, find_plans
     from layoutexplore.predictors import make_room_predictor
     from layoutexplore.processes import command_line
     from layoutexplore.report.in_the_loop import write_in_the_loop_report
@@ -78,20 +74,20 @@ def in_the_loop(
         agents=(BASELINE, *map(driver_of, names)),
         explain=False,
     )
-    outcome = run_with_progress(plain_console(), config, out / "runs", jobs=jobs, shared=True)
-    for row in outcome.failed:
-        typer.echo(f"failed: {row.plan} {row.sensor} {row.agent}: {row.error}")
-    scores, buildings, pictures = _ask(sources, predictors, sensors, starts, out / "snapshots")
-    found = score_in_the_loop(summarise_partial_rooms(scores), outcome.rows)
+    rows = run_shared(config, out / "runs", jobs)
+    store, loaded = out / "snapshots", [cached_plan(source) for source in sources]
+    pictures = _believed(loaded[0], sensors[0], predictors, store)
+    scores = judge_explorations(sources, predictors, sensors=sensors, starts=starts, store=store)
+    found = score_in_the_loop(summarise_partial_rooms(scores), rows)
     facts = {
         "command": command_line(),
         "plans": len(sources),
-        "buildings": len(set(buildings.values())),
+        "buildings": len({plan.building for plan in loaded}),
         "starts": starts,
         "sensors": sensors,
-        "plan": next(iter(buildings)),
+        "plan": loaded[0].name,
     }
-    failed = failed_runs(outcome.rows)
+    failed = failed_runs(rows)
     written = write_in_the_loop_report(out, found, pictures, facts=facts, failed=failed)
     _print(found)
     typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
@@ -99,46 +95,19 @@ def in_the_loop(
         raise typer.Exit(1)
 
 
-def _ask(
-    sources: Sequence[str],
-    predictors: Sequence[RoomPredictor],
-    sensors: Sequence[str],
-    starts: int,
-    store: Path,
-) -> tuple[Scores, dict[str, str], list[BelievedRooms]]:
-    """Scores on snapshots, the building of each plan by name, pictures of one exploration."""
+def _believed(
+    plan: FloorPlan, sensor: str, predictors: Sequence[RoomPredictor], store: Path
+) -> list[BelievedRooms]:
+    """Pictures of what predictors believe in one exploration."""
     from layoutexplore.agents import make_agent
-    from layoutexplore.cli.progress import ProgressLine, plain_console
-    from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
-    from layoutexplore.maps.library import load_plan
-    from layoutexplore.training.explorations import PROTOCOL_AGENT, protocol_explorations
-    from layoutexplore.training.snapshots import explore_plan
-
-    scores = Scores([], [], {p.name: [] for p in predictors})
-    buildings: dict[str, str] = {}
-    pictures: list[BelievedRooms] = []
-    done, total = 0, len(sources) * len(sensors) * starts
-    with ProgressLine(plain_console(), "explorations judged") as line:
-        for source in sources:
-            plan = load_plan(source)
-            if not buildings:
-                agent = make_agent(PROTOCOL_AGENT)
-                shown = explore_plan(plan, agent, sensor=sensors[0], coverages=SHOWN, store=store)
-                pictures = _believed(shown, predictors)
-            buildings[plan.name] = plan.building
-            for part in protocol_explorations(plan, make_agent, store, sensors=sensors, starts=starts):
-                scores.extend(score_predictors(part, predictors))
-                done += 1
-                line.advance(done, total, done / total, plan.name)
-    return scores, buildings, pictures
-
-
-def _believed(snapshots: Sequence[Snapshot], predictors: Sequence[RoomPredictor]) -> list[BelievedRooms]:
     from layoutexplore.frontiers.decision import Privileged
     from layoutexplore.report.in_the_loop import BelievedRooms, draw_believed_rooms
+    from layoutexplore.training.explorations import PROTOCOL_AGENT
+    from layoutexplore.training.snapshots import explore_plan
 
+    agent = make_agent(PROTOCOL_AGENT)
     found = []
-    for snapshot in snapshots:
+    for snapshot in explore_plan(plan, agent, sensor=sensor, coverages=SHOWN, store=store):
         for predictor in predictors:
             if isinstance(predictor, Privileged):
                 predictor.reveal(snapshot.truth)

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile
+from layoutexplore.cli.evaluate.options import JsonFile, write_numbers
 from layoutexplore.cli.evaluate.segmentation import Methods, Resolution
-from layoutexplore.files import check_places, write_json
+from layoutexplore.files import check_places
 
 
 def evaluate_layout(
@@ -59,6 +59,4 @@ def evaluate_layout(
             values = [100 * r[key] for r in part]
             means.append(f"{key} {np.mean(values):.1f}±{np.std(values):.1f}")
         typer.echo(f"{name}, {len(part)} maps: {', '.join(means)}")
-    if json_file is not None:
-        write_json(json_file, {"resolution": resolution, "maps": rows})
-        typer.echo(f"written: {json_file}")
+    write_numbers(json_file, {"resolution": resolution, "maps": rows})

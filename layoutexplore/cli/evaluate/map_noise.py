@@ -9,17 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile
-from layoutexplore.files import check_file, check_places, to_toml, write_atomically, write_json
+from layoutexplore.cli.evaluate.options import JsonFile, write_numbers
+from layoutexplore.files import check_file, check_places, to_toml, write_atomically
 
 if TYPE_CHECKING:
     from layoutexplore.grids.arrays import Floats
     from layoutexplore.training.map_noise.fit import SimulatedMaps
-
-HELP = (
-    "How well simulated grid maps pass for real ones: ten statistics, the noise fitted to real maps without "
-    "truth, and the area under the ROC curve of a classifier of the two."
-)
 
 
 def map_noise(
@@ -45,9 +40,13 @@ def map_noise(
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Fit the noise; `HELP` is what the command line says."""
+    """How well simulated grid maps pass for real ones.
+
+    Ten statistics, the noise fitted to real maps without truth, and the area under the ROC curve of a
+    classifier of the two.
+    """
     from layoutexplore.cli.progress import progress_lines
-    from layoutexplore.maps import expand_plans
+    from layoutexplore.maps.library import find_plans
     from layoutexplore.training.map_noise.files import describe_folders, read_noise, write_cases
     from layoutexplore.training.map_noise.fit import fit_noise, simulate_maps, told_apart
     from layoutexplore.training.map_noise.simulate import WIDE
@@ -56,7 +55,7 @@ def map_noise(
     check_places(None, out, file="--out")
     if out is not None:
         check_file(out, suffixes=(".toml",))
-    names = [name for plan in plans for name in expand_plans(plan)]
+    names = find_plans(plans)
     config = read_noise(noise) if noise else WIDE
     table, groups = describe_folders(real, resolution)
     progress = progress_lines()
@@ -75,9 +74,7 @@ def map_noise(
     if out is not None:
         write_atomically(out, to_toml(asdict(fitted)))
         typer.echo(f"written: {out}")
-    if json_file is not None:
-        write_json(json_file, {"auc": aucs, "noise": asdict(fitted), "real": len(table)})
-        typer.echo(f"written: {json_file}")
+    write_numbers(json_file, {"auc": aucs, "noise": asdict(fitted), "real": len(table)})
     if maps is not None:
         written = write_cases(second, maps)
         typer.echo(f"written: {written} maps with their rooms, and buildings.csv, into {maps}")
@@ -87,7 +84,7 @@ def _print_statistics(real: Floats, simulated: dict[str, SimulatedMaps]) -> None
     """Deciles 1, 5 and 9 of each statistic, and how much of the real maps the simulated ones cover."""
     from rich.table import Table
 
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.progress import print_table
     from layoutexplore.training.map_noise.fit import covered
     from layoutexplore.training.map_noise.statistics import STATISTICS
 
@@ -100,8 +97,7 @@ def _print_statistics(real: Floats, simulated: dict[str, SimulatedMaps]) -> None
         for name, table in tables.items():
             cells += [_deciles(table[:, k]), f"{100 * shares[name][statistic]:.0f} %"]
         out.add_row(statistic, *cells)
-    console = plain_console()
-    (console if console.is_terminal else plain_console(width=140)).print(out)
+    print_table(out, 140)
 
 
 def _deciles(values: Floats) -> str:

@@ -6,12 +6,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.options import FloorPlans, JsonFile, Sensors
-from layoutexplore.files import check_places, write_json
+from layoutexplore.cli.evaluate.options import FloorPlans, JsonFile, Sensors, write_numbers
+from layoutexplore.files import check_places
+
+if TYPE_CHECKING:
+    from layoutexplore.evaluation.partial_rooms import Scores
+    from layoutexplore.predictors.protocol import RoomPredictor
 
 ROOM_COLUMNS = (
     "rooms",
@@ -50,12 +54,6 @@ NOTHING = {
 """What is said instead of a table without lines."""
 
 
-HELP = (
-    "Half-seen rooms: hidden IoU, room IoU, areas; closed or open frontiers; every predictor on the same "
-    "snapshots."
-)
-
-
 def partial_rooms(
     plans: FloorPlans,
     predictor: Annotated[
@@ -71,7 +69,10 @@ def partial_rooms(
     ] = None,
     json_file: JsonFile = None,
 ) -> None:
-    """Score half-seen rooms; `HELP` is what the command line says."""
+    """Half-seen rooms and frontiers: every predictor on the same snapshots.
+
+    Hidden IoU, room IoU, areas; closed or open frontiers.
+    """
     from layoutexplore.agents import make_agent
     from layoutexplore.errors import require
     from layoutexplore.evaluation.partial_rooms import score_predictors
@@ -106,10 +107,47 @@ def partial_rooms(
     if out is not None:
         written = write_partial_rooms_report(out, scores, summary, gallery, command=command_line())
         typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
-    if json_file is not None:
-        data = {"summary": summary, "rooms": [asdict(r) for r in scores.rooms], "ms": scores.milliseconds}
-        write_json(json_file, data | {"frontiers": [asdict(f) for f in scores.frontiers]}, indent=None)
-        typer.echo(f"written: {json_file}")
+    data = {"summary": summary, "rooms": [asdict(r) for r in scores.rooms], "ms": scores.milliseconds}
+    write_numbers(json_file, data | {"frontiers": [asdict(f) for f in scores.frontiers]}, indent=None)
+
+
+def judge_explorations(
+    sources: Sequence[str],
+    predictors: Sequence[RoomPredictor],
+    *,
+    sensors: Sequence[str],
+    starts: int,
+    store: Path,
+    noise: str = "",
+) -> Scores:
+    """Scores on snapshots of explorations, under a progress line.
+
+    Args:
+        sources: Floor plans.
+        predictors: Who is asked.
+        sensors: Names of sensors.
+        starts: Explorations by each sensor.
+        store: Folder that keeps them.
+        noise: Level of noise; none without.
+    """
+    from layoutexplore.agents import make_agent
+    from layoutexplore.cli.progress import ProgressLine, plain_console
+    from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
+    from layoutexplore.maps.library import cached_plan
+    from layoutexplore.training.explorations import protocol_explorations
+
+    scores = Scores([], [], {p.name: [] for p in predictors})
+    done, total = 0, len(sources) * len(sensors) * starts
+    level = f", noise {noise}" if noise else ""
+    with ProgressLine(plain_console(), f"explorations judged{level}") as line:
+        for plan in map(cached_plan, sources):
+            for part in protocol_explorations(
+                plan, make_agent, store, sensors=sensors, starts=starts, noise=noise
+            ):
+                scores.extend(score_predictors(part, predictors))
+                done += 1
+                line.advance(done, total, done / total, plan.name)
+    return scores
 
 
 def print_summary(summary: dict[str, Any]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,14 +10,6 @@ import typer
 
 if TYPE_CHECKING:
     from layoutexplore.evaluation.registration import RegistrationRow
-
-REGISTRATION_HELP = (
-    "Prior plans of every kind, registered while floors are explored: where foreseen doors are, how sure it "
-    "is, and how right that is; a table in the folder, and on it goes where it was."
-)
-TRAIN_PRIOR_HELP = (
-    "Fit the confidence of registered prior plans to explorations; scores by leaving buildings out."
-)
 
 KINDS = ("true", "rough", "corridors", "other-floor", "wrong", "mirrored")
 """Prior plans that are registered when none is named."""
@@ -46,7 +38,11 @@ Jobs = Annotated[int, typer.Option(min=1, help="Worker processes.")]
 def registration(
     plans: Plans, out: Folder, kind: Kinds = None, sensor: Sensors = None, among: Among = "", jobs: Jobs = 1
 ) -> None:
-    """Study registrations; `REGISTRATION_HELP` is what the command line says."""
+    """Prior plans of every kind, registered while floors are explored.
+
+    Where foreseen doors are, how sure it is, and how right that is; a table in the folder, and on it goes
+    where it was.
+    """
     import numpy as np
 
     from layoutexplore.evaluation.partial_rooms_summary import calibration_error
@@ -94,7 +90,7 @@ def registration(
 def train_prior(
     plans: Plans, out: Folder, kind: Kinds = None, sensor: Sensors = None, among: Among = "", jobs: Jobs = 1
 ) -> None:
-    """Fit the confidence; `TRAIN_PRIOR_HELP` is what the command line says."""
+    """Fit the confidence of registered prior plans to explorations; scores by leaving buildings out."""
     from itertools import compress
 
     import numpy as np
@@ -137,7 +133,6 @@ def _rows(
     jobs: int,
 ) -> list[RegistrationRow]:
     """The rows of all floors and sensors, with a line of progress."""
-    from contextlib import ExitStack
     from functools import partial
 
     from layoutexplore.cli.progress import ProgressLine, plain_console
@@ -146,7 +141,7 @@ def _rows(
     from layoutexplore.files import check_places
     from layoutexplore.maps.library import find_plans
     from layoutexplore.options import JOBS
-    from layoutexplore.plugins.transport import worker_pool
+    from layoutexplore.plugins.transport import worker_map
     from layoutexplore.priors.presets import PRESETS
     from layoutexplore.sensing.lidar import sensor as find_sensor
 
@@ -160,10 +155,7 @@ def _rows(
     jobs = min(JOBS.convert("--jobs", jobs), len(tasks))
     work = partial(rows_of_source, kinds=kinds, among=among, store=out)
     found: list[RegistrationRow] = []
-    with ProgressLine(plain_console(), "explorations") as line, ExitStack() as stack:
-        spread: Callable[..., Iterable[list[RegistrationRow]]] = map
-        if jobs > 1:
-            spread = stack.enter_context(worker_pool(jobs)).map
+    with ProgressLine(plain_console(), "explorations") as line, worker_map(jobs) as spread:
         for k, rows in enumerate(spread(work, *zip(*tasks, strict=True))):
             found += rows
             line.advance(k + 1, len(tasks), (k + 1) / len(tasks), tasks[k][0])

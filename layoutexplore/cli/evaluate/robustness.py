@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from layoutexplore.cli.evaluate.options import FloorPlans, PageFolder, Sensors, Starts, Workers
+from layoutexplore.cli.evaluate.partial_rooms import judge_explorations
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -19,10 +20,6 @@ if TYPE_CHECKING:
 
 AGENTS = ("nearest", "latency-tour", "layout-tour")
 """Who explores when nobody is named."""
-
-HELP = (
-    "Strategies and predictors at each level of noise: metres, who still sees 99 %, and how right rooms are."
-)
 
 
 def robustness(
@@ -44,11 +41,18 @@ def robustness(
     starts: Starts = 1,
     jobs: Workers = None,
 ) -> None:
-    """Measure robustness; `HELP` is what the command line says."""
+    """Strategies and predictors at each level of noise: metres, who still sees 99 %, how right rooms are."""
     from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.errors import require
-    from layoutexplore.evaluation.robustness import agents_under_noise, chosen_levels, predictors_under_noise
+    from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
+    from layoutexplore.evaluation.robustness import (
+        NOISELESS,
+        agents_under_noise,
+        chosen_levels,
+        predictors_under_noise,
+    )
     from layoutexplore.maps.library import find_plans
+    from layoutexplore.predictors import make_room_predictor
     from layoutexplore.processes import command_line
     from layoutexplore.report.robustness import write_robustness_report
     from layoutexplore.sensing.lidar import sensor as find_sensor
@@ -58,9 +62,14 @@ def robustness(
     check_places(out)
     sources, names = find_plans(plans), tuple(dict.fromkeys(agents or AGENTS))
     sensors = [find_sensor(name).name for name in sensor or SENSORS]
-    levels, asked = chosen_levels(level), [] if agents_only else predictor or ["layout"]
+    levels, named = chosen_levels(level), [] if agents_only else predictor or ["layout"]
+    asked = [make_room_predictor(name) for name in dict.fromkeys(named)]
     rows = {each: _explore(each, sources, names, sensors, starts, out, jobs) for each in levels}
-    summaries = {each: _ask(each, sources, asked, sensors, starts, out) for each in levels if asked}
+    summaries, store = {}, out / "snapshots"
+    for each in levels if asked else ():
+        noise = "" if each == NOISELESS else each
+        scores = judge_explorations(sources, asked, sensors=sensors, starts=starts, store=store, noise=noise)
+        summaries[each] = summarise_partial_rooms(scores)
     found = agents_under_noise(rows)
     facts = {
         "command": command_line(),
@@ -89,8 +98,7 @@ def _explore(
 ) -> list[Row]:
     """The runs at a level of noise."""
     from layoutexplore.benchmark.config import BenchmarkConfig
-    from layoutexplore.cli.benchmark import run_with_progress
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.benchmark import run_shared
     from layoutexplore.evaluation.robustness import NOISELESS
     from layoutexplore.simulation.config import SimulationConfig
 
@@ -103,10 +111,7 @@ def _explore(
         explain=False,
         simulation=SimulationConfig(noise="" if level == NOISELESS else level),
     )
-    outcome = run_with_progress(plain_console(), config, out / f"runs-{level}", jobs=jobs, shared=True)
-    for row in outcome.failed:
-        typer.echo(f"failed: {level} {row.plan} {row.sensor} {row.agent}: {row.error}")
-    return outcome.rows
+    return run_shared(config, out / f"runs-{level}", jobs)
 
 
 def _print(found: Sequence[AgentUnderNoise], failed: Mapping[str, Sequence[FailedRuns]]) -> None:
@@ -124,39 +129,3 @@ def _print(found: Sequence[AgentUnderNoise], failed: Mapping[str, Sequence[Faile
     for level, lines in failed.items():
         for one in lines:
             typer.echo(f"failed: level {level}, {one}")
-
-
-def _ask(
-    level: str,
-    sources: Sequence[str],
-    predictors: Sequence[str],
-    sensors: Sequence[str],
-    starts: int,
-    out: Path,
-) -> dict[str, Any]:
-    """How right the predictors are on snapshots at a level of noise."""
-    from layoutexplore.agents import make_agent
-    from layoutexplore.cli.progress import ProgressLine, plain_console
-    from layoutexplore.evaluation.partial_rooms import Scores, score_predictors
-    from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
-    from layoutexplore.evaluation.robustness import NOISELESS
-    from layoutexplore.maps.library import load_plan
-    from layoutexplore.predictors import make_room_predictor
-    from layoutexplore.training.explorations import protocol_explorations
-
-    asked = [make_room_predictor(name) for name in dict.fromkeys(predictors)]
-    scores = Scores([], [], {p.name: [] for p in asked})
-    noise = "" if level == NOISELESS else level
-    done, total = 0, len(sources) * len(sensors) * starts
-    with ProgressLine(plain_console(), f"explorations judged, noise {level}") as line:
-        for source in sources:
-            plan = load_plan(source)
-            store = out / "snapshots"
-            explorations = protocol_explorations(
-                plan, make_agent, store, sensors=sensors, starts=starts, noise=noise
-            )
-            for part in explorations:
-                scores.extend(score_predictors(part, asked))
-                done += 1
-                line.advance(done, total, done / total, plan.name)
-    return summarise_partial_rooms(scores)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile
-from layoutexplore.files import check_places, write_json
+from layoutexplore.cli.evaluate.options import JsonFile, PlanFolders, write_numbers
+from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
     import numpy as np
@@ -58,9 +58,6 @@ Simulated = Annotated[
         min=0, help="Simulated maps to train on besides, to which come a third as many polygonal buildings."
     ),
 ]
-PlanFolders = Annotated[
-    list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
-]
 
 
 def segmentation(
@@ -91,6 +88,7 @@ def segmentation(
     from layoutexplore.evaluation.cross_validation import CrossValidationConfig
     from layoutexplore.evaluation.segmentation import evaluate_cases
     from layoutexplore.layout.pipeline import layout_method
+    from layoutexplore.maps.library import find_plans
     from layoutexplore.maps.painted_rooms import find_cases
     from layoutexplore.metrics.segmentation import PROTOCOLS
 
@@ -113,7 +111,7 @@ def segmentation(
             protocol=protocol,
             resolution=resolution,
             simulated=simulated,
-            plans=tuple(plans_of(plans)),
+            plans=tuple(find_plans(plans or ())),
             seeds=seeds,
             weights=weights_of(weight, cases),
             sources=_sources(source, cases),
@@ -191,20 +189,18 @@ def _write_results(
     from layoutexplore.evaluation.segmentation import score_groups, seed_spread, summarise_segmentation
 
     rows = [row for _, row, _ in results]
-    if json_file is not None:
-        numbers = {
-            "protocol": protocol,
-            "resolution": resolution,
-            "held_out": held_out,
-            "folds": len({row.fold for row in rows if row.fold >= 0}),
-            "maps": [asdict(r) for r in rows],
-            "summary": summarise_segmentation(rows),
-            "seeds": seed_spread(rows),
-        }
-        if any(row.source for row in rows):
-            numbers |= {by: score_groups(rows, by) for by in ("source", "building")}
-        write_json(json_file, numbers)
-        typer.echo(f"written: {json_file}")
+    numbers = {
+        "protocol": protocol,
+        "resolution": resolution,
+        "held_out": held_out,
+        "folds": len({row.fold for row in rows if row.fold >= 0}),
+        "maps": [asdict(r) for r in rows],
+        "summary": summarise_segmentation(rows),
+        "seeds": seed_spread(rows),
+    }
+    if any(row.source for row in rows):
+        numbers |= {by: score_groups(rows, by) for by in ("source", "building")}
+    write_numbers(json_file, numbers)
     if out is not None:
         from layoutexplore.processes import command_line
         from layoutexplore.report.segmentation import write_segmentation_report
@@ -243,7 +239,7 @@ def _print_all(rows: Sequence[MapScore], *, by_source: bool) -> None:
 def _print_groups(heading: str, lines: Sequence[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.progress import print_table
     from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
 
     table = Table(heading, "maps", "buildings", *HEADINGS.values(), box=None)
@@ -251,14 +247,13 @@ def _print_groups(heading: str, lines: Sequence[dict[str, Any]]) -> None:
         name = f"{line['folder']}: {line['building']}" if "building" in line else line["source"]
         values = [f"{100 * line[m]:.1f}" for m in MEASURES]
         table.add_row(name, str(line["maps"]), str(line["buildings"]), *values)
-    console = plain_console()
-    (console if console.is_terminal else plain_console(width=200)).print(table)
+    print_table(table, 200)
 
 
 def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
     from rich.table import Table
 
-    from layoutexplore.cli.progress import plain_console
+    from layoutexplore.cli.progress import print_table
     from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
 
     columns = "set", "method", "maps", "buildings", *HEADINGS.values(), "interval", "segments/rooms", "ms"
@@ -277,8 +272,7 @@ def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
             counts,
             f"{line['ms']:.0f}±{line['ms_std']:.0f}",
         )
-    console = plain_console()
-    (console if console.is_terminal else plain_console(width=200)).print(table)
+    print_table(table, 200)
 
 
 def _print_spread(lines: Sequence[dict[str, Any]]) -> None:
@@ -299,13 +293,6 @@ def read_buildings(path: Path) -> dict[str, str]:
         raise ConfigError(f"{path}: a CSV with the columns map and building is needed")
     of_map, building = header.index("map"), header.index("building")
     return {line[of_map]: line[building] for line in lines}
-
-
-def plans_of(folders: Sequence[str] | None) -> list[str]:
-    """The floor plans that names, files and folders stand for."""
-    from layoutexplore.maps import expand_plans
-
-    return [plan for folder in folders or () for plan in expand_plans(folder)]
 
 
 def _sources(given: Sequence[str] | None, cases: Sequence[Case]) -> dict[str, str]:

@@ -7,16 +7,14 @@ from typing import Annotated
 
 import typer
 
+from layoutexplore.cli.evaluate.options import PlanFolders
 from layoutexplore.files import check_file, check_places
 
 
 def train_separator(
     out: Annotated[Path, typer.Option(help="File for the weights of the network (safetensors).")],
     simulated: Annotated[int, typer.Option(min=1, help="Floor plans to simulate maps of.")] = 4500,
-    plans: Annotated[
-        list[str] | None,
-        typer.Option(help="Floor plans, or folders of them, to simulate from besides generated ones."),
-    ] = None,
+    plans: PlanFolders = None,
     steps: Annotated[int, typer.Option(min=1, help="Steps of the training.")] = 14000,
     batch: Annotated[int, typer.Option(min=1, help="Crops that a step learns from.")] = 64,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
@@ -34,7 +32,7 @@ def train_separator(
     """
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.errors import require
-    from layoutexplore.maps import expand_plans
+    from layoutexplore.maps.library import find_plans
 
     check_places(None, out, file="--out", cache=cache)
     check_file(out, suffixes=(".safetensors",))
@@ -43,7 +41,7 @@ def train_separator(
     from layoutexplore.models.network_files import save_weights
     from layoutexplore.training.separator.network import SeparatorTrainingConfig, train_shipped_separator
 
-    names = [plan for text in plans or () for plan in expand_plans(text)]
+    names = find_plans(plans or ())
     config = SeparatorTrainingConfig(
         steps=steps, batch=batch, seed=seed, workers=workers, device=chosen_device(device)
     )

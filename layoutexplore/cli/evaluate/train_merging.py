@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from layoutexplore.cli.evaluate.options import PlanFolders
 from layoutexplore.cli.evaluate.segmentation import (
     CaseResolution,
     Simulated,
     Weights,
-    plans_of,
     read_buildings,
     weights_of,
 )
@@ -32,21 +32,20 @@ def train_merging(
         Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")
     ] = None,
     simulated: Simulated = 450,
-    plans: Annotated[
-        list[str] | None, typer.Option(help="Folder of floor plans to simulate from, besides generated ones.")
-    ] = None,
+    plans: PlanFolders = None,
     weight: Weights = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,
     resolution: CaseResolution = 0.05,
 ) -> None:
     """Train the classifiers of the default method, which decide which regions of a map are one room."""
     from layoutexplore.cli.progress import progress_lines
-    from layoutexplore.layout.merging.merge_tree.cut import ASKEW_PREFIX, CUT_MODEL, RAGGED_PREFIX
+    from layoutexplore.layout.merging.merge_tree.cut import ASKEW_PREFIX, CUT_FOREST, RAGGED_PREFIX
+    from layoutexplore.maps.library import find_plans
     from layoutexplore.maps.painted_rooms import find_cases
     from layoutexplore.training.map_noise.examples import POLYGONAL
     from layoutexplore.training.merge_trees.models import train_classifiers
 
-    cut_out = cut_out or out.parent / CUT_MODEL.name
+    cut_out = cut_out or out.parent / CUT_FOREST.shipped.name
     check_places(out.parent, out, file="--out")
     check_places(cut_out.parent, cut_out, file="--cut-out")
     check_file(out, suffixes=(".json",))
@@ -57,7 +56,7 @@ def train_merging(
         cases,
         resolution=resolution,
         simulated=simulated,
-        plans=plans_of(plans),
+        plans=find_plans(plans or ()),
         seed=seed,
         weights=weights,
         progress=progress_lines(),
@@ -82,14 +81,14 @@ def train_merging(
 
 def _write_models(models: MergingModels, out: Path, cut_out: Path, note: str) -> None:
     """Write the classifiers and say so."""
-    from layoutexplore.layout.merging.merge_forest import save_forest
-    from layoutexplore.layout.merging.merge_tree.cut import save_cut_forest
+    from layoutexplore.layout.merging.merge_forest import PAIR_FOREST
+    from layoutexplore.layout.merging.merge_tree.cut import CUT_FOREST
 
-    save_forest(models.pairs, out, note=note)
+    PAIR_FOREST.save(models.pairs, out, note=note)
     typer.echo(f"written: {out}, {len(models.pairs.roots)} trees")
     if models.cut is None:
         typer.echo("no merge of the maps' regions is right, or none is wrong: no cut to learn")
         return
     note = note.replace("two touching pieces are one room", "a merge stands")
-    save_cut_forest(models.cut, cut_out, note=note)
+    CUT_FOREST.save(models.cut, cut_out, note=note)
     typer.echo(f"written: {cut_out}, {len(models.cut.roots)} trees")

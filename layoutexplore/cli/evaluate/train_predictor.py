@@ -15,14 +15,6 @@ if TYPE_CHECKING:
     from layoutexplore.training.predictor import ExplorationConfig, Explored
 
 
-HELP = """
-Explore floor plans, train the predictor `layout` on what is seen, and say how it does on buildings it never
-saw.
-
-Plans that do not come from files are trained on in every fold and tested in none.
-"""
-
-
 Plans = Annotated[
     list[str], typer.Argument(help="Floor plans: names, FAMILY:FIRST-LAST, splits, files or folders.")
 ]
@@ -101,7 +93,10 @@ def train_predictor(
     doubtful: Doubtful = None,
     store: Store = None,
 ) -> None:
-    """Explore, train and test; `HELP` is what the command line says."""
+    """Train the predictor `layout` on explored floor plans, and test it on other buildings.
+
+    Plans that do not come from files are trained on in every fold and tested in none.
+    """
     from layoutexplore.errors import require
     from layoutexplore.files import check_places
     from layoutexplore.training import predictor

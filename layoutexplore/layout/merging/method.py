@@ -58,7 +58,7 @@ from layoutexplore.layout.merging.line_evidence import LineEvidence, find_eviden
 from layoutexplore.layout.merging.line_rooms import split_line_rooms
 from layoutexplore.layout.merging.merge_tree.contest import Rest
 from layoutexplore.layout.merging.merge_tree.cut import MergingModels, best_cut, load_models, standing_odds
-from layoutexplore.layout.merging.ray_fans.classifier import load_fan_forest, outside_regions, without_regions
+from layoutexplore.layout.merging.ray_fans.classifier import FAN_FOREST, outside_regions, without_regions
 from layoutexplore.layout.merging.ray_fans.enclosure import enclosure_of_regions
 from layoutexplore.layout.merging.ray_fans.features import describe_regions
 from layoutexplore.layout.merging.separator.network import UNASKED, load_separator
@@ -245,7 +245,7 @@ def merge_into_rooms(
     models = models.ragged if models.ragged and regions.ragged else models
     rest = Rest(config.room_area, config.nook_area, config.nook_level, most_questions(grid.shape))
     levels = {"level": config.fan_level, "spread": config.fan_spread}
-    outside = outside_regions(regions.graph, regions.features, load_fan_forest(), **levels)
+    outside = outside_regions(regions.graph, regions.features, FAN_FOREST.load(), **levels)
     graph = without_regions(regions.graph, outside)
     if models.cut is None:
         into, done = merge_within(graph, models.pairs, config.merge_level, rest)

@@ -16,7 +16,7 @@ from layoutexplore.layout.merging.agglomeration import grow_tree
 from layoutexplore.layout.merging.merge_tree.contest import Rest
 from layoutexplore.layout.merging.merge_tree.features import MergeTree
 from layoutexplore.layout.merging.method import MergingConfig
-from layoutexplore.layout.merging.ray_fans.classifier import load_fan_forest, outside_regions, without_regions
+from layoutexplore.layout.merging.ray_fans.classifier import FAN_FOREST, outside_regions, without_regions
 from layoutexplore.models.forest import Forest
 from layoutexplore.training.merging_examples import Example
 
@@ -71,7 +71,7 @@ def tree_samples(example: Example, forest: Forest) -> TreeSamples:
     """What a map teaches, its pairs being judged by a classifier trained on other buildings."""
     config = MergingConfig()
     levels = {"level": config.fan_level, "spread": config.fan_spread}
-    outside = outside_regions(example.graph, example.features, load_fan_forest(), **levels)
+    outside = outside_regions(example.graph, example.features, FAN_FOREST.load(), **levels)
     rest = Rest(config.room_area, config.nook_area, config.nook_level)
     graph, cell_area = without_regions(example.graph, outside), example.graph.resolution**2
     tree, features, _ = grow_tree(graph, forest, config.merge_level, rest, TREE_LEVEL)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import warnings
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from layoutexplore.layout.merging.separator.planes import KINDS as PLANES
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator import FAMILIES, generate
-from layoutexplore.plugins.transport import worker_pool
+from layoutexplore.plugins.transport import worker_map
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.fit import LARGEST
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
@@ -62,23 +62,13 @@ def separator_examples(
         workers: Processes that simulate; 0 for this one.
         progress: Told of the maps tried.
     """
+    work = partial(_examples_of, plans=tuple(plans), seed=seed, cache=cache)
     out: list[SeparatorExample] = []
-    for k, found in enumerate(_examples_of_plans(count, tuple(plans), seed, cache, workers)):
-        out += found
-        progress("maps simulated", k + 1, count)
+    with worker_map(workers) as spread:
+        for k, found in enumerate(spread(work, range(count))):
+            out += found
+            progress("maps simulated", k + 1, count)
     return out
-
-
-def _examples_of_plans(
-    count: int, plans: tuple[str, ...], seed: int, cache: Path | None, workers: int
-) -> Iterator[list[SeparatorExample]]:
-    """What each plan teaches, in order."""
-    work = partial(_examples_of, plans=plans, seed=seed, cache=cache)
-    if not workers:
-        yield from map(work, range(count))
-        return
-    with worker_pool(workers) as pool:
-        yield from pool.map(work, range(count))
 
 
 def _examples_of(k: int, plans: tuple[str, ...], seed: int, cache: Path | None) -> list[SeparatorExample]:

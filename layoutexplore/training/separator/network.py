@@ -10,20 +10,18 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import nn
 from torch.nn import functional
 from torch.utils.data import DataLoader, Dataset
 
 from layoutexplore.agents.rl.networks.training_state import chosen_device
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.arrays import Floats32
 from layoutexplore.layout.merging.separator.network import LAYERS, OUTPUTS, OUTSIDE, THING
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.separator.crops import stacked_crops
 from layoutexplore.training.separator.examples import SeparatorExample
 from layoutexplore.training.separator.maps import mark_of, separator_examples
 from layoutexplore.training.separator.targets import as_input, targets_of
-from layoutexplore.training.torch_layers import Convolution, StepProgress, fit_network, plain_weights
+from layoutexplore.training.torch_layers import JudgingNetwork, StepProgress, fit_network
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,14 +51,11 @@ class SeparatorTrainingConfig:
     device: str = "auto"
 
 
-class TrainableSeparator(nn.Module):
+class TrainableSeparator(JudgingNetwork):
     """The network of `SeparatorNetwork` with what training needs besides."""
 
     def __init__(self) -> None:
-        super().__init__()
-        *hidden, last = LAYERS
-        self.layers = nn.ModuleDict({name: Convolution(*LAYERS[name]) for name in hidden})
-        self.judge = nn.Conv2d(LAYERS[last][0], LAYERS[last][1], 1)
+        super().__init__(LAYERS)
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
         """Log-odds (batch, OUTPUTS, squares, squares) for (batch, channels, places, places)."""
@@ -79,10 +74,6 @@ class TrainableSeparator(nn.Module):
         batch, _, rows, cols = found.shape
         parts = found.reshape(batch, 2, 2, OUTPUTS, rows, cols).permute(0, 3, 4, 1, 5, 2)
         return torch.as_tensor(parts.reshape(batch, OUTPUTS, 2 * rows, 2 * cols))
-
-    def weights(self) -> dict[str, Floats32]:
-        """The weights as `SeparatorNetwork` takes them."""
-        return plain_weights({**self.layers, "judge": self.judge})
 
 
 def fit_separator(

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from layoutexplore.layout.merging.merge_forest import load_forest
+from layoutexplore.layout.merging.merge_forest import PAIR_FOREST
 from layoutexplore.layout.merging.pair_features import FEATURES
 from layoutexplore.models.forest import log_odds
 
 
 def test_the_forest_walks_every_tree_to_its_leaf() -> None:
-    forest = load_forest()
+    forest = PAIR_FOREST.load()
     x = np.random.default_rng(0).normal(size=(7, len(FEATURES)))
     found = np.empty(7)
     log_odds(x, forest.numbers, found)

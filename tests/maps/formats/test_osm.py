@@ -47,11 +47,9 @@ def test_entrances_widths_and_open_outlines(tmp_path: Path) -> None:
     with pytest.warns(MapWarning) as caught:
         plan = load_plan(path)
     said = " ".join(str(warning.message) for warning in caught)
-    assert (
-        "outline is not closed" in said
-        and "crossed themselves" in said
-        and "1 of 2 doors lie on no wall" in said
-    )
+    assert "outline is not closed" in said
+    assert "crossed themselves" in said
+    assert "1 of 2 doors lie on no wall" in said
     assert len(plan.rooms) == 3  # one that crosses itself is two
     assert [(door.rooms, door.width) for door in plan.doors] == [((0, 1), pytest.approx(1.6))]
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from layoutexplore.cli import app
 from layoutexplore.errors import ConfigError
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
-from layoutexplore.layout.merging.ray_fans.classifier import load_fan_forest
+from layoutexplore.layout.merging.ray_fans.classifier import FAN_FOREST
 from layoutexplore.layout.merging.ray_fans.features import RegionFeatures
 from layoutexplore.training.folds import Progress
 from layoutexplore.training.map_noise import ray_fans
@@ -81,4 +81,4 @@ def test_the_command_writes_a_model(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     result = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "model.json")])
     assert result.exit_code == 0, result.output
     assert asked == [(8, ("apartment:0", "apartment:1"))]
-    assert len(load_fan_forest(tmp_path / "model.json").roots) == ray_fans.FORESTS * ray_fans.GROWTH.trees
+    assert len(FAN_FOREST.load(tmp_path / "model.json").roots) == ray_fans.FORESTS * ray_fans.GROWTH.trees

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Floats, Ints32
-from layoutexplore.layout.merging.merge_forest import MODEL_PATH, load_forest
+from layoutexplore.layout.merging.merge_forest import PAIR_FOREST
 from layoutexplore.layout.merging.merge_tree.features import TREE_FEATURES, MergeTree
 from layoutexplore.models.forest import Forest
-from layoutexplore.models.forest_files import load_forests, save_forests
+from layoutexplore.models.forest_files import ForestKind
 
-CUT_MODEL = Path(__file__).with_name("cut_model.json")
-"""The shipped model; `layoutexplore.training.merge_trees` makes it."""
+CUT_FOREST = ForestKind("stands", TREE_FEATURES, Path(__file__).with_name("cut_model.json"))
+"""The classifier of merges; `layoutexplore.training.merge_trees` makes it."""
 
 ASKEW_PREFIX, RAGGED_PREFIX = "askew_", "ragged_"
 """Begin the names of the files of the models for maps on which a wing is turned against the others, and for
 other maps with ragged walls."""
-
-_NAME = "stands"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,30 +42,14 @@ class MergingModels:
 
 def load_models() -> MergingModels:
     """The shipped models; those of unchanged files are read only once."""
-    return MergingModels(load_forest(), load_cut_forest(), _load(ASKEW_PREFIX), _load(RAGGED_PREFIX))
+    return replace(_load(""), askew=_load(ASKEW_PREFIX), ragged=_load(RAGGED_PREFIX))
 
 
 def _load(prefix: str) -> MergingModels:
-    pairs, cut = (path.with_name(prefix + path.name) for path in (MODEL_PATH, CUT_MODEL))
-    return MergingModels(load_forest(pairs), load_cut_forest(cut))
-
-
-def save_cut_forest(forest: Forest, path: Path, *, note: str = "") -> None:
-    """Write a forest.
-
-    Raises:
-        MapError: The file cannot be written.
-    """
-    save_forests(path, {_NAME: forest}, TREE_FEATURES, note, double=True)
-
-
-def load_cut_forest(path: Path = CUT_MODEL) -> Forest:
-    """Read a forest; that of an unchanged file only once.
-
-    Raises:
-        ConfigError: The file cannot be read, is damaged, or was made for other features.
-    """
-    return load_forests(path, TREE_FEATURES, (_NAME,), double=True)[_NAME]
+    pairs, cut = (
+        kind.load(kind.shipped.with_name(prefix + kind.shipped.name)) for kind in (PAIR_FOREST, CUT_FOREST)
+    )
+    return MergingModels(pairs, cut)
 
 
 MOST_ODDS = 3.0

@@ -15,30 +15,10 @@ from layoutexplore.grids.components import components
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
 from layoutexplore.layout.merging.ray_fans.features import RegionFeatures
 from layoutexplore.models.forest import Forest
-from layoutexplore.models.forest_files import load_forests, save_forests
+from layoutexplore.models.forest_files import ForestKind
 
-FAN_MODEL = Path(__file__).with_name("fan_model.json")
-"""The shipped model; `layoutexplore.training.map_noise.ray_fans` makes it."""
-
-_NAME = "outside"
-
-
-def save_fan_forest(forest: Forest, path: Path, *, note: str = "") -> None:
-    """Write a forest.
-
-    Raises:
-        MapError: The file cannot be written.
-    """
-    save_forests(path, {_NAME: forest}, RegionFeatures._fields, note, double=True)
-
-
-def load_fan_forest(path: Path = FAN_MODEL) -> Forest:
-    """Read a forest; that of an unchanged file only once.
-
-    Raises:
-        ConfigError: The file cannot be read, is damaged, or was made for other features.
-    """
-    return load_forests(path, RegionFeatures._fields, (_NAME,), double=True)[_NAME]
+FAN_FOREST = ForestKind("outside", RegionFeatures._fields, Path(__file__).with_name("fan_model.json"))
+"""The classifier of regions; `layoutexplore.training.map_noise.ray_fans` makes it."""
 
 
 def outside_regions(

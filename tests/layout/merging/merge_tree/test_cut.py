@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import itertools
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutexplore.errors import ConfigError
 from layoutexplore.layout.merging.agglomeration import grow_tree, merge_within
 from layoutexplore.layout.merging.graph_tables import NODE, RegionGraph
 from layoutexplore.layout.merging.merge_tree.contest import Rest
-from layoutexplore.layout.merging.merge_tree.cut import (
-    best_cut,
-    load_cut_forest,
-    save_cut_forest,
-    standing_odds,
-)
+from layoutexplore.layout.merging.merge_tree.cut import best_cut, standing_odds
 from layoutexplore.layout.merging.merge_tree.features import TREE_FEATURES, MergeTree
 from layoutexplore.layout.merging.merge_tree.record import W
 from layoutexplore.training.merging_examples import make_example
@@ -103,14 +96,3 @@ def test_a_merge_stands_by_what_it_makes_and_by_its_pair() -> None:
     assert both == pytest.approx(2 * (np.clip(pairs, -3, 3) - 0.25))
     # where the pairs outweigh all else, what they are surely against does not stand
     assert len(np.unique(best_cut(tree, standing_odds(tree, wholes, 5.0, 1e9)))) == tree.regions
-
-
-def test_the_shipped_model_is_read_and_another_one_refused(tmp_path: Path) -> None:
-    forest = load_cut_forest()
-    assert forest.feature.max() < len(TREE_FEATURES) == len(set(TREE_FEATURES))
-    save_cut_forest(forest, tmp_path / "cut.json", note="again")
-    again = load_cut_forest(tmp_path / "cut.json")
-    assert (again.threshold == forest.threshold).all() and again.bias == forest.bias
-    (tmp_path / "other.json").write_text('{"features": ["x"], "forests": {}}')
-    with pytest.raises(ConfigError, match="train"):
-        load_cut_forest(tmp_path / "other.json")

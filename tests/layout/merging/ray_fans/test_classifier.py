@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,14 +13,9 @@ from layoutexplore import reconstruct
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
-from layoutexplore.layout.merging.merge_forest import MODEL_PATH
+from layoutexplore.layout.merging.merge_forest import PAIR_FOREST
 from layoutexplore.layout.merging.method import MergingConfig, run_merging
-from layoutexplore.layout.merging.ray_fans.classifier import (
-    load_fan_forest,
-    outside_regions,
-    save_fan_forest,
-    without_regions,
-)
+from layoutexplore.layout.merging.ray_fans.classifier import FAN_FOREST, outside_regions, without_regions
 from layoutexplore.layout.merging.ray_fans.features import RegionFeatures
 from tests.layout.merging.cases import graphs, office
 
@@ -94,18 +88,10 @@ def test_the_graph_is_not_changed() -> None:
     assert without_regions(graph, np.zeros(4, bool)) is graph
 
 
-def test_a_model_is_read_as_it_was_written(tmp_path: Path) -> None:
-    forest = load_fan_forest()
-    save_fan_forest(forest, tmp_path / "model.json", note="a copy")
-    again = load_fan_forest(tmp_path / "model.json")
-    x = np.random.default_rng(0).normal(size=(20, len(RegionFeatures._fields)))
-    assert np.array_equal(forest.score(x), again.score(x))
-
-
 @given(graphs(), st.integers(0, 10**6))
 def test_a_sure_region_takes_along_the_probable_ones_it_leads_to(graph: RegionGraph, seed: int) -> None:
     x = np.random.default_rng(seed).normal(size=(len(graph.nodes), len(RegionFeatures._fields)))
-    forest = load_fan_forest()
+    forest = FAN_FOREST.load()
     odds = forest.score(x)
     level, spread = float(np.quantile(odds, 0.8)), float(np.quantile(odds, 0.3))
     expected = set((np.flatnonzero(odds[1:] >= level) + 1).tolist())
@@ -125,4 +111,4 @@ def test_a_sure_region_takes_along_the_probable_ones_it_leads_to(graph: RegionGr
 
 def test_the_model_of_pairs_is_none_of_regions() -> None:
     with pytest.raises(ConfigError, match="other features"):
-        load_fan_forest(MODEL_PATH)
+        FAN_FOREST.load(PAIR_FOREST.shipped)
