@@ -9,15 +9,18 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
+import shapely
+from shapely import Polygon
 
 from layoutexplore.errors import MapError, checks_arguments, checks_calls
 from layoutexplore.grids.arrays import Floats, Ints32, Mask, shows_shapes
 from layoutexplore.grids.morphology import draw_way, nearest_cells
-from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.sizes import check_ids
 from layoutexplore.maps.tracing import trace_doors
@@ -179,6 +182,42 @@ def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan
     )
     whole = with_doors_to_all(prior)
     return dataclasses.replace(whole, unused=whole.unused or ("" if hints.scale else _unit_in_doubt(prior)))
+
+
+@checks_arguments
+def prior_of_rooms(
+    rooms: Sequence[Polygon], *, name: str = "rooms", hints: PriorHints | None = None, metric: bool = False
+) -> PriorPlan:
+    """A list of room polygons as a prior; doors are assumed where rooms have none.
+
+    Args:
+        rooms: Outlines in any unit.
+        name: For messages.
+        hints: What is told of their place; a scale is the metres of a unit.
+        metric: Whether the unit is a metre, more or less; else the scale is estimated from the rooms' sizes.
+
+    Raises:
+        MapError: There is no room, or one is no polygon with an area.
+    """
+    if not len(rooms) or not all(isinstance(p, Polygon) and p.is_valid and p.area > 0 for p in rooms):
+        raise MapError(f"prior plan {name}: needs valid polygons with an area, at least one")
+    hints = hints or PriorHints()
+    side = math.sqrt(float(np.median([polygon.area for polygon in rooms])))
+    unit = hints.scale or (1.0 if metric else ROOM_SIDE / side)
+    here = hints.here and (unit * hints.here[0], unit * hints.here[1])
+    scaled = tuple(
+        Room(id=k + 1, polygon=shapely.transform(polygon, lambda points: points * unit))
+        for k, polygon in enumerate(rooms)
+    )
+    known = dataclasses.replace(hints, scale=None, here=here)
+    prior = prior_of_plan(FloorPlan(name=name, rooms=scaled), known)
+    spread = HINTED_SPREAD if hints.scale else KNOWN_SPREAD if metric else ROOM_SPREAD
+    return dataclasses.replace(
+        prior,
+        scale_spread=spread,
+        hints=dataclasses.replace(prior.hints, scale=hints.scale),
+        unused="" if hints.scale else prior.unused,
+    )
 
 
 @checks_arguments

@@ -17,6 +17,7 @@ from layoutexplore.priors.plan import (
     PriorPlan,
     expected_scale,
     prior_of_plan,
+    prior_of_rooms,
     with_doors_to_all,
     with_expected_scale,
 )
@@ -53,6 +54,13 @@ def test_the_expected_scale_does_not_depend_on_the_numbers_of_the_rooms() -> Non
     assert expected_scale(apart) == expected_scale(prior)
 
 
+def test_rooms_alone_get_doors_and_a_scale() -> None:
+    polygons = [shapely.affinity.scale(room.polygon, 40, 40, origin=(0, 0)) for room in office().rooms]
+    prior = prior_of_rooms(polygons)
+    assert prior.rooms == 11 and parts(prior) == 1
+    assert 20 < prior.size[0] < 45
+
+
 def test_a_room_without_a_door_opens_to_its_neighbour() -> None:
     closed = FloorPlan(name="closed", rooms=office().rooms)
     assert parts(prior_of_plan(closed)) == 1
@@ -80,6 +88,17 @@ def in_unit(plan: FloorPlan, unit: float) -> FloorPlan:
             )
             for door in plan.doors
         ),
+    )
+
+
+def test_rooms_whose_scale_is_told_are_believed() -> None:
+    halls = [shapely.box(x, 0.0, x + 0.4, 0.4) for x in (0.0, 0.41, 0.82)]
+    assert not prior_of_rooms(halls, hints=PriorHints(scale=100.0)).unused
+    assert (
+        "tell its scale"
+        in prior_of_rooms(
+            [shapely.affinity.scale(h, 100, 100, origin=(0, 0)) for h in halls], metric=True
+        ).unused
     )
 
 
@@ -114,6 +133,8 @@ def test_a_floor_plan_in_feet_or_inches_is_not_used_unless_its_scale_is_told(uni
 def test_nonsense_is_refused() -> None:
     with pytest.raises(ConfigError, match="hint scale"):
         PriorHints(scale=-1.0)
+    with pytest.raises(MapError, match="valid polygons"):
+        prior_of_rooms([])
     with pytest.raises(MapError, match="must be one"):
         PriorPlan(
             name="x", free=np.ones((2, 2), np.bool_), room_ids=np.ones((3, 2), np.int32), resolution=0.1
