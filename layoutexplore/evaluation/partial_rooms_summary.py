@@ -43,6 +43,7 @@ def summarise_rooms(rooms: Sequence[RoomScore]) -> list[dict[str, Any]]:
     return [{"explored": name} | _room_line(part) for name, part in strata if part]
 
 
+@checks_arguments
 def hidden_interval(rooms: Sequence[Mapping[str, Any]]) -> Interval:
     """The IoU of hidden parts in the first of the lines of `summarise_rooms`; none without a line."""
     keys = ("hidden_iou", "hidden_low", "hidden_high")
