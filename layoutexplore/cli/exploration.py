@@ -37,6 +37,7 @@ class RunWatcher:
         pictures: PNG files by percent seen.
         layouts: Rooms believed, as GeoJSON, by percent seen.
         priors: PNG files of a plan known beforehand, over the map as it is believed to lie.
+        goes_on: As given.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class RunWatcher:
     ) -> None:
         self._line, self._agent, self._draws, self._file = line, agent, pictures, state_file
         self._quarter = None if goes_on else -1
+        self.goes_on = goes_on
         self._saved = 0.0
         self.pictures: dict[int, bytes] = {}
         self.layouts: dict[int, dict[str, Any]] = {}
@@ -123,9 +125,7 @@ def prior_of(state: Simulation) -> PriorPredictor | None:
     return predictor if isinstance(predictor, PriorPredictor) else None
 
 
-def save_run(
-    folder: Path, simulation: Simulation, watcher: RunWatcher, *, goes_on: bool = False
-) -> list[Path]:
+def save_run(folder: Path, simulation: Simulation, watcher: RunWatcher) -> list[Path]:
     """Write map, track, curve, pictures and layouts (by percent seen) of a run; the files written.
 
     Unless the run goes on from a saved one, pictures and layouts of an earlier run in the folder that this
@@ -158,7 +158,7 @@ def save_run(
     }
     for name, content in made.items():
         write_atomically(folder / name, content)
-    for name in () if goes_on else sorted(set(QUARTERLY_NAMES) - set(made)):
+    for name in () if watcher.goes_on else sorted(set(QUARTERLY_NAMES) - set(made)):
         (folder / name).unlink(missing_ok=True)
     return [folder / name for name in ("map.yaml", "track.csv", "curve.csv", *made)]
 

@@ -156,9 +156,8 @@ def explore(
     simulation, chosen = prepare(plan, settings, agent)
     note_unused(simulation)
     begin, pause = parse_start(start), math.inf if pause_after is None else pause_after
-    goes_on = saved is not None
     with ProgressLine(console, "% seen") as line, film_of(video, fps) as film:
-        watcher = RunWatcher(line, agent, pictures=out is not None, state_file=save_state, goes_on=goes_on)
+        watcher = RunWatcher(line, agent, pictures=bool(out), state_file=save_state, goes_on=bool(saved))
         if film:
             simulation.on_scan = lambda state: film.add(watcher.draw(state))
         until = functools.partial(_has_come, pause)
@@ -172,7 +171,7 @@ def explore(
     back = way_home(simulation) if returns and simulation.done else ""
     console.print(summary(row, filmed=video is not None, back=back, prior=watcher.belief(simulation)))
     written = [path for path in (video, save_state) if path]
-    for path in (*written, *(save_run(out, simulation, watcher, goes_on=goes_on) if out else ())):
+    for path in (*written, *(save_run(out, simulation, watcher) if out else ())):
         console.print(f"wrote {path}", soft_wrap=True)
 
 

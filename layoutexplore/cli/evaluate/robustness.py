@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from layoutexplore.benchmark.analysis import FailedRuns
     from layoutexplore.benchmark.rows import Row
     from layoutexplore.evaluation.robustness import AgentUnderNoise
+    from layoutexplore.predictors.protocol import RoomPredictor
 
 AGENTS = ("nearest", "latency-tour", "layout-tour")
 """Who explores when nobody is named."""
@@ -44,13 +45,7 @@ def robustness(
     """Strategies and predictors at each level of noise: metres, who still sees 99 %, how right rooms are."""
     from layoutexplore.benchmark.analysis import failed_runs
     from layoutexplore.errors import require
-    from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
-    from layoutexplore.evaluation.robustness import (
-        NOISELESS,
-        agents_under_noise,
-        chosen_levels,
-        predictors_under_noise,
-    )
+    from layoutexplore.evaluation.robustness import agents_under_noise, chosen_levels, predictors_under_noise
     from layoutexplore.maps.library import find_plans
     from layoutexplore.predictors import make_room_predictor
     from layoutexplore.processes import command_line
@@ -65,11 +60,7 @@ def robustness(
     levels, named = chosen_levels(level), [] if agents_only else predictor or ["layout"]
     asked = [make_room_predictor(name) for name in dict.fromkeys(named)]
     rows = {each: _explore(each, sources, names, sensors, starts, out, jobs) for each in levels}
-    summaries, store = {}, out / "snapshots"
-    for each in levels if asked else ():
-        noise = "" if each == NOISELESS else each
-        scores = judge_explorations(sources, asked, sensors=sensors, starts=starts, store=store, noise=noise)
-        summaries[each] = summarise_partial_rooms(scores)
+    summaries = {each: _judge(each, sources, asked, sensors, starts, out) for each in levels if asked}
     found = agents_under_noise(rows)
     facts = {
         "command": command_line(),
@@ -112,6 +103,24 @@ def _explore(
         simulation=SimulationConfig(noise="" if level == NOISELESS else level),
     )
     return run_shared(config, out / f"runs-{level}", jobs)
+
+
+def _judge(
+    level: str,
+    sources: Sequence[str],
+    predictors: Sequence[RoomPredictor],
+    sensors: Sequence[str],
+    starts: int,
+    out: Path,
+) -> dict[str, Any]:
+    """How right the predictors are on snapshots at a level of noise."""
+    from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
+    from layoutexplore.evaluation.robustness import NOISELESS
+
+    noise, store = "" if level == NOISELESS else level, out / "snapshots"
+    return summarise_partial_rooms(
+        judge_explorations(sources, predictors, sensors=sensors, starts=starts, store=store, noise=noise)
+    )
 
 
 def _print(found: Sequence[AgentUnderNoise], failed: Mapping[str, Sequence[FailedRuns]]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -119,13 +119,21 @@ def segmentation(
         results = _scores_held_out(cases, config, by_source=leave_out is not None)
     else:
         results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
-    collected = []
-    for case, row, labels in results:
-        collected.append((case, row, labels))
-        typer.echo(_line(row))
+    collected = _collect(results)
     _print_all([row for _, row, _ in collected], by_source=leave_out is not None)
     held_out = "each source left out" if leave_out else f"{folds} folds of buildings" if folds else ""
     _write_results(collected, json_file, out, protocol=protocol, resolution=resolution, held_out=held_out)
+
+
+def _collect(
+    results: Iterable[tuple[Case, MapScore, NDArray[np.int32]]],
+) -> list[tuple[Case, MapScore, NDArray[np.int32]]]:
+    """All results, each printed as it comes."""
+    collected = []
+    for result in results:
+        collected.append(result)
+        typer.echo(_line(result[1]))
+    return collected
 
 
 def _scores_held_out(
