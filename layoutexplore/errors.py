@@ -284,11 +284,11 @@ def _given(
     except TypeError:
         return {}
     found = {}
-    for name, value in given.items():
+    for name in filter(given.__contains__, function.__annotations__):  # not of `self`: it has none
+        annotation, value = function.__annotations__[name], given[name]
         default = signature.parameters[name].default
         if value is default or (isinstance(value, (str, int, float)) and repr(value) == repr(default)):
             continue
-        annotation = function.__annotations__.get(name, "Any")
         try:
             names = _Names(function.__globals__)
             meant = eval(annotation, {}, names) if isinstance(annotation, str) else annotation

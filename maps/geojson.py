@@ -41,7 +41,7 @@ _OTHERS = " (a file of another program: name its columns, as in --column room=NA
 
 
 def save_plan(plan: FloorPlan, path: str | os.PathLike[str]) -> None:
-    """Write a plan, one feature a line.
+    """Write a plan, one feature a line: polygons and doors, not the raster of a plan born as an image.
 
     Raises:
         MapError: The file cannot be written.

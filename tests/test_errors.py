@@ -299,10 +299,13 @@ def test_an_error_that_no_argument_explains_stays() -> None:
         def _hidden(self, index: int) -> str:
             return "a" + index  # type: ignore[operator]
 
-    with pytest.raises(IndexError):
-        Thing().part(0)
-    with pytest.raises(ZeroDivisionError):
-        Thing().part(0, (0,))
+        def unset(self) -> int:
+            return self.never  # type: ignore[attr-defined,no-any-return]
+
+    calls = {IndexError: "part(0)", ZeroDivisionError: "part(0, (0,))", AttributeError: "unset()"}
+    for kind, call in calls.items():
+        with pytest.raises(kind):
+            eval(f"Thing().{call}", {"Thing": Thing})
     with pytest.raises(ConfigError, match=r"Thing.part: index must be int, got .x."):
         Thing().part("x")  # type: ignore[arg-type]
     with pytest.raises(TypeError):

@@ -27,6 +27,14 @@ def test_every_package_is_listed() -> None:
     assert found == set(homes), "packages in pyproject.toml and folders with an __init__.py differ"
 
 
+def test_model_cards_are_in_the_wheel_with_their_models() -> None:
+    setup = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    for name in setup["packages"]:
+        home = ROOT / setup["package-dir"].get(name, name.replace(".", "/"))
+        cards = list(home.glob("*.md"))
+        assert not cards or "*.md" in setup["package-data"].get(name, []), f"{name} leaves out {cards}"
+
+
 @pytest.mark.parametrize("name", ["envs", "agents", "maps"])
 def test_nobody_imports_a_second_copy(name: str) -> None:
     pattern = re.compile(rf"^\s*(import|from) {name}\b", re.MULTILINE)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,11 +68,7 @@ class LayoutCache:
         self.method = layout_method(method)
         self.config = self.method.config(config)
         self.exact, self.growth = exact, growth
-        self._seen: NDArray[Any] | None = None
-        self._most = 0
-        self._cells: Cells | None = None
-        self._frame: tuple[float, Pose] | None = None
-        self._layout: Layout | None = None
+        self._kept: _Kept | None = None
 
     def __call__(self, grid: OccupancyGrid, part: Callable[[], OccupancyGrid] | None = None) -> Layout:
         """The layout of the grid, or the last one while the cells that matter are the same.
@@ -83,23 +79,34 @@ class LayoutCache:
         """
         grid = grid.trinary
         seen = grid.cells.copy() if self.exact else grid.cells == OCCUPIED
-        frame = grid.resolution, grid.origin
-        if self._layout is None or frame != self._frame or self._differs(grid, seen):
+        frame, kept = (grid.resolution, grid.origin), self._kept
+        if kept is None or frame != kept.frame or kept.differs(grid, seen):
             shown = part() if part else grid
             if np.may_share_memory(shown.cells, grid.cells):
                 # Rooms are made when they are first looked at: the map may have grown by then.
                 shown = replace(shown, cells=shown.cells.copy())
-            self._layout = self.method.run(shown, self.config)
-            self._seen, self._frame, self._cells = seen, frame, grid.cells
-            self._most = 0 if self.exact else int(self.growth * np.count_nonzero(seen))
-        return self._layout
+            most = 0 if self.exact else int(self.growth * np.count_nonzero(seen))
+            kept = _Kept(self.method.run(shown, self.config), seen, most, grid.cells, frame)
+            self._kept = kept  # at once: threads that share a cache never see half of it
+        return kept.layout
 
-    def _differs(self, grid: OccupancyGrid, seen: NDArray[Any]) -> bool:
-        if self._seen is None or seen.shape != self._seen.shape:
+
+class _Kept(NamedTuple):
+    """The last layout of a `LayoutCache`, and the map that it was made from."""
+
+    layout: Layout
+    seen: NDArray[Any]
+    most: int
+    cells: Cells
+    frame: tuple[float, Pose]
+
+    def differs(self, grid: OccupancyGrid, seen: NDArray[Any]) -> bool:
+        """Whether a map with these cells is to be reconstructed anew."""
+        if seen.shape != self.seen.shape:
             return True
         # another map that looks nearly alike is no grown one
-        most = self._most if self._cells is grid.cells else 0
-        return int(np.count_nonzero(seen != self._seen)) > most
+        most = self.most if self.cells is grid.cells else 0
+        return int(np.count_nonzero(seen != self.seen)) > most
 
 
 ConfigT = TypeVar("ConfigT")

@@ -117,7 +117,7 @@ class Registry(Generic[T]):
             ConfigError: The name is taken by something else or is no name, `build` is no code, or the
                 parameters can be no options.
         """
-        if not isinstance(name, str) or not name or set(name) & set(":,;= "):
+        if not isinstance(name, str) or not name or name.split() != [name] or set(name) & set(":,;="):
             raise ConfigError(
                 f"{shortened(name)} cannot name an own {self.kind}: a text with no space and none of : , ; ="
             )

@@ -18,12 +18,13 @@ from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.morphology import disc
 from layoutexplore.layout.doorways import SHIPPED, Regions, find_doors, gap_type
 from layoutexplore.layout.grown_components import SEED, GrownComponents
+from layoutexplore.processes.threads import ByThread
 
 _REACH = 2.0 * SHIPPED.door_max + SHIPPED.widening
 """Metres: a cell farther away than this has no say in whether a cell is of a door."""
 
 
-class RegionTracker:
+class RegionTracker(ByThread):
     """Divides the known free space of one grid after the other into the seen parts of rooms.
 
     Example:

@@ -78,20 +78,20 @@ class UprightViews:
     """The upright views of an exploration's decisions, turned by the same angle as long as that will do."""
 
     def __init__(self) -> None:
-        self._angle, self._track = 0.0, np.empty((0, 3))
+        self._held = 0.0, np.empty((0, 3))
 
     def __call__(self, decision: Decision) -> UprightView:
         """The view of a decision, which depends on earlier ones of the same exploration only."""
-        grid = decision.grid
-        self._angle = wall_angle(grid.cells, grid.resolution, self._angle if self._follows(decision) else 0.0)
-        if self._angle:
-            self._track = decision.track.copy()
-        return upright_view(grid, decision.clusters, self._angle)
+        grid, (held, track) = decision.grid, self._held
+        angle = wall_angle(grid.cells, grid.resolution, held if _follows(decision, track) else 0.0)
+        self._held = angle, decision.track.copy() if angle else track
+        return upright_view(grid, decision.clusters, angle)
 
-    def _follows(self, decision: Decision) -> bool:
-        """Whether the robot has come the way that it had come when the angle was found."""
-        before = len(self._track)
-        return decision.step > 0 and before > 0 and np.array_equal(decision.track[:before], self._track)
+
+def _follows(decision: Decision, track: Floats) -> bool:
+    """Whether the robot has come the way float64 (n, 3) that it had come when the angle was found."""
+    before = len(track)
+    return decision.step > 0 and before > 0 and np.array_equal(decision.track[:before], track)
 
 
 def upright_view(grid: OccupancyGrid, clusters: FrontierClusters, angle: float) -> UprightView:

@@ -24,6 +24,9 @@ from layoutexplore.report.templates import png_uri
 RATIO_LIMITS = (0.4, 2.0)
 """The forest plot never shows more than this; ratios outside are marked at its edge."""
 
+_WIDEST_NAME = 40
+"""Characters of an agent's name on one line of the forest plot; longer ones are broken, to leave it room."""
+
 _ODD = 1.6
 """Agents beyond this ratio do not stretch the axis."""
 
@@ -109,7 +112,7 @@ def forest(comparisons: Sequence[Comparison], metric: str = "d95") -> ForestPlot
     for value in _TICKS:
         if low <= value <= high and all(abs(place(value) - tick.at) >= _TICK_GAP for tick in ticks):
             ticks.append(Tick(place(value), f"{value:g}"))
-    width = max((len(c.agent) for c in shown), default=0) + 1
+    width = min(max((len(c.agent) for c in shown), default=0), _WIDEST_NAME) + 1
     return ForestPlot(rows, ticks, place(1.0), width)
 
 

@@ -17,12 +17,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError, ResultsError, cause, checks_arguments
+from layoutexplore.errors import (
+    ConfigError,
+    ResultsError,
+    UnknownNameError,
+    cause,
+    checks_arguments,
+    shortened,
+)
 from layoutexplore.files import ArrayRule, parse_json, read_arrays, write_arrays
+from layoutexplore.files.reading import shown_path
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, Walk, remembers
 from layoutexplore.grids.arrays import Ints32, shows_shapes
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.library import load_plan
 from layoutexplore.options import check_kind, from_table
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
@@ -159,9 +168,7 @@ def save_simulation(
     """
     check_kind("simulation", simulation, Simulation)
     check_kind("path", path, str, os.PathLike)
-    state = getattr(simulation, "state", None)
-    if state is None:
-        raise ConfigError("there is no run to save: call reset() first")
+    state = simulation.state
     if state.explored is not None:
         raise ConfigError("a run whose robot has returned to its start is not saved: save before the return")
     table = {
@@ -287,6 +294,13 @@ def load_simulation(
         UnknownNameError: No plan is given, and none that ships has the saved name.
     """
     saved = read_saved_run(path)
-    simulation = Simulation(saved.plan if plan is None else plan, saved.config, predictor)
+    try:
+        floor = load_plan(saved.plan) if plan is None else plan
+    except UnknownNameError:
+        raise UnknownNameError(
+            f"{shown_path(Path(path))}: the run was saved on the floor plan {shortened(saved.plan)}, which "
+            "does not ship: give it as load_simulation(path, plan=...)"
+        ) from None
+    simulation = Simulation(floor, saved.config, predictor)
     saved.restore(simulation)
     return simulation

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 
@@ -52,9 +53,7 @@ class Simulation:
         raster: The floor plan's cells at that resolution.
         lidar: The sensor on this floor plan.
         predictor: As given.
-        state: The current run, made by `reset`: to read, not to change.
-        on_scan: Called after every scan, to film or log a run; None by default. It may read everything,
-            `decision` too.
+        on_scan: Called after every scan, to film or log a run, or None; it may read all, `decision` too.
 
     Example:
         >>> from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -71,8 +70,6 @@ class Simulation:
         >>> print(simulation.stop_reason)
         coverage
     """
-
-    state: SimulationState
 
     def __init__(
         self,
@@ -103,6 +100,11 @@ class Simulation:
             predictor.reveal(self.truth)
         self._scan(full_turn=True)
         return self._next()
+
+    @cached_property
+    def state(self) -> SimulationState:
+        """The current run, made by `reset`: to read, not to change; a `ConfigError` before the first one."""
+        raise ConfigError("there is no run: call reset() first")
 
     @property
     def decision(self) -> Decision:

@@ -118,7 +118,7 @@ def test_names_that_ship_and_names_of_others_are_not_taken(shelf: Registry[Any])
         shelf.register("a:b", "", Still)
 
 
-@pytest.mark.parametrize("name", [None, 3, 2.5, b"x", [], {}, object(), ""])
+@pytest.mark.parametrize("name", [None, 3, 2.5, b"x", [], {}, object(), "", "a\nb", "a\tb"])
 def test_a_name_is_a_text(shelf: Registry[Any], name: Any) -> None:
     with pytest.raises(ConfigError, match="cannot name an own"):
         shelf.register(name, "", Still)

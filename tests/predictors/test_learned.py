@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -63,3 +68,39 @@ def test_networks_are_asked_where_trees_are_in_doubt(monkeypatch: pytest.MonkeyP
         total += len(differ)
         assert np.count_nonzero(differ) == asked[-1] and (judged.closed[differ] == 1).all()
     assert len(asked) == 6 and 0 < sum(asked) < total / 2
+
+
+def test_explorations_in_threads_share_a_predictor() -> None:
+    """In a process of its own: kernels that write into each other's arrays end it."""
+    code = """
+import threading
+from layoutexplore import Simulation, SimulationConfig, make_agent
+from layoutexplore.predictors import make_predictor
+from layoutexplore.simulation.episode import play
+
+def explore(seed, predictor, metres):
+    simulation = Simulation("apartment:5", SimulationConfig(sensor="stage", max_distance=30.0), predictor)
+    play(simulation, make_agent("layout-tour"), seed=seed)
+    metres[seed] = simulation.track.tolist()
+
+shared, alone, together = make_predictor("layout"), {}, {}
+for seed in range(4):
+    explore(seed, make_predictor("layout"), alone)
+threads = [threading.Thread(target=explore, args=(seed, shared, together)) for seed in range(4)]
+for thread in threads:
+    thread.start()
+for thread in threads:
+    thread.join()
+assert together == alone, (together.keys(), alone.keys())
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr[-2000:]
+
+
+def test_a_copied_predictor_goes_on_as_the_first(decision: Decision) -> None:
+    predictor = make_predictor("layout")
+    assert predictor is not None
+    judged = predictor.predict(decision)
+    for again in (copy.deepcopy(predictor), pickle.loads(pickle.dumps(predictor))):
+        found = again.predict(decision)
+        assert [f.confidence for f in found.frontiers] == [f.confidence for f in judged.frontiers]

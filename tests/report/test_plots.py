@@ -96,3 +96,8 @@ def test_floor_picture_is_upright() -> None:
 def test_heat_is_white_at_one() -> None:
     assert heat(1.0).endswith(",0.00)") and heat(math.nan) == "transparent"
     assert heat(0.5).startswith("rgba(0,114,178") and heat(2.0).startswith("rgba(213,94,0")
+
+
+def test_a_long_name_leaves_room_for_the_forest_plot() -> None:
+    assert forest([comparison("tour", 0.9)]).name_width == len("tour") + 1
+    assert forest([comparison("mine.py:Mine:weights=" + "x" * 150, 0.9)]).name_width <= 50

@@ -12,7 +12,7 @@ import pytest
 
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.rows import prepare
-from layoutexplore.errors import ConfigError, ResultsError
+from layoutexplore.errors import ConfigError, ResultsError, UnknownNameError
 from layoutexplore.files import read_arrays, write_arrays
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.library import load_plan
@@ -144,6 +144,8 @@ def test_what_is_no_saved_run_is_refused(tmp_path: Path) -> None:
     save_simulation(simulation, file)
     with pytest.raises(ConfigError, match="another plan"):
         load_simulation(file, "office-01")
+    with pytest.raises(UnknownNameError, match=r"run\.npz: .* does not ship: give it as .*plan="):
+        load_simulation(file)
     with pytest.raises(ResultsError, match="missing"):
         load_simulation(tmp_path / "none.npz", offices())
     shut = tuple(dataclasses.replace(door, rooms=(0, 0)) for door in offices().doors)

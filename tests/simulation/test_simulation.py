@@ -276,3 +276,12 @@ def test_paths_that_jump_or_begin_elsewhere_are_refused() -> None:
         with pytest.raises(ConfigError, match=said):
             simulation.step(path)
     assert simulation.distance == 0.0
+
+
+def test_without_a_run_it_says_so() -> None:
+    simulation = Simulation(three_rooms())
+    for ask in (lambda: simulation.distance, lambda: simulation.decision, lambda: simulation.step(0)):
+        with pytest.raises(ConfigError, match=r"call reset\(\) first"):
+            ask()
+    simulation.reset(seed=0)
+    assert simulation.distance == 0

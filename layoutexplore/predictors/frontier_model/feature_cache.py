@@ -34,6 +34,7 @@ from layoutexplore.predictors.frontier_model.feature_kernels import (
     walls_in_line,
 )
 from layoutexplore.predictors.frontier_model.followed_bit_map import BLOCK, FollowedBitMap
+from layoutexplore.processes.threads import ByThread
 
 SIGHT = 8.0
 """Metres that rays look; nothing else looks further."""
@@ -93,7 +94,7 @@ class Clusters(NamedTuple):
     offsets: Ints
 
 
-class FeatureCache:
+class FeatureCache(ByThread):
     """Keeps the bit map of the last decision, and the local features of its frontiers.
 
     The next decision may be on a changed grid of the same shape.
