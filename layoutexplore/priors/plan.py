@@ -64,7 +64,8 @@ class PriorHints:
 
     Attributes:
         scale: What one metre of the plan is in the world, or one pixel of a picture; metres.
-        rotation: Degrees counter-clockwise by which the plan is turned into the map, within 45 degrees.
+        rotation: Degrees counter-clockwise by which the plan is turned into the map, within 45 degrees; of a
+            mirrored plan, after its left and right are exchanged.
         mirror: Whether the plan is drawn as in a mirror.
         here: Point (x, y) of the plan, in its metres or pixels from the lower left, where the robot starts.
 
@@ -105,7 +106,7 @@ class PriorPlan:
         unused: Why it cannot be used; empty for a plan that can.
 
     Raises:
-        MapError: The arrays differ in shape or hold nothing, or a room has an id above the limit.
+        MapError: The arrays differ in shape or hold nothing, or a room has an id above the limit or below 0.
         ConfigError: The resolution or spread is no number above 0.
     """
 
@@ -124,7 +125,11 @@ class PriorPlan:
                 f"prior plan {self.name}: free {self.free.shape} and rooms {self.room_ids.shape} must be "
                 "one two-dimensional shape with cells"
             )
-        check_ids(f"prior plan {self.name}", max(int(self.room_ids.max()), -int(self.room_ids.min())))
+        check_ids(f"prior plan {self.name}", int(self.room_ids.max()))
+        if self.room_ids.min() < 0:
+            raise MapError(
+                f"prior plan {self.name}: rooms count from 1, and 0 is none: got the id {self.room_ids.min()}"
+            )
         check_kind("hints", self.hints, PriorHints)
         check(
             self,

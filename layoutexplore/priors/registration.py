@@ -150,7 +150,7 @@ class Registration:
             self._try(TRIED_A_DECISION)
         elif self.evidence.area >= GROWTH * self._searched:
             first = self._searched == 0
-            self._begin_search(wall_direction(grid.free))
+            self._begin_search(wall_direction(grid.free) + grid.origin.theta)
             self._search(FIRST_TRANSFORMED if first else TRANSFORMED)
             if first and self._job is None:
                 self._try(TRIED)
@@ -200,8 +200,9 @@ class Registration:
         rotation = self.prior.hints.rotation
         for part in slices(scales, (0, 1, 2, 3), mirrored):
             if rotation is not None:
-                turn = part.turn(self.fields.direction)
-                angle = self.direction - math.atan2(turn[1, 1], turn[0, 1]) + math.pi / 2
+                # Where the plan's y axis points in the building's axes; mirroring leaves it as it is.
+                x, y = part.turn(self.fields.direction)[1]
+                angle = self.direction + math.atan2(y, x) - math.pi / 2
                 off = (angle - math.radians(rotation) + math.pi) % (2 * math.pi) - math.pi
                 if abs(off) > math.pi / 4:
                     continue

@@ -92,6 +92,19 @@ def test_a_hint_of_rotation_leaves_one_orientation() -> None:
     assert {h.slice.quarter for h in registered(upside_down, 0.5).hypotheses} == {2}
 
 
+@pytest.mark.parametrize("mirror", [False, True])
+@pytest.mark.parametrize("turns", range(4))
+def test_a_hint_of_rotation_is_heard_of_mirrored_plans_too(turns: int, mirror: bool) -> None:
+    drawn = prior_of_plan(office())
+    # Rows count upwards: rot90 turns such an array clockwise, the map lies counter-clockwise of the plan.
+    free, ids = (np.rot90(cells, turns) for cells in (drawn.free, drawn.room_ids))
+    if mirror:
+        free, ids = free[:, ::-1], ids[:, ::-1]
+    hints = PriorHints(rotation=90.0 * turns, mirror=mirror)
+    plan = PriorPlan(name="turned", free=free, room_ids=ids, resolution=0.1, scale_spread=0.04, hints=hints)
+    assert registered(plan, 0.6).hypotheses[0].fit.walls > 0.95
+
+
 def test_nothing_seen_is_no_hypothesis() -> None:
     registration = registered(prior_of_plan(office()), 0.0)
     assert registration.hypotheses == [] and confidence(registration) == 0.0
