@@ -146,7 +146,7 @@ def draw_distorted(
     Returns:
         Floor bool (h, w), rooms int32 (h, w), and the distortion with its shift.
     """
-    rows, cols = np.nonzero(free)
+    rows, cols = np.nonzero(free if free.any() else frame.free)  # of nothing, a sheet of the floor's size
     x = frame.origin.x + (cols + 0.5) * frame.resolution
     y = frame.origin.y + (rows + 0.5) * frame.resolution
     drawn = distortion.forward(np.stack([x, y], axis=1))

@@ -331,10 +331,10 @@ class _Drawing:
     def outdate(self, share: float) -> None:
         """Turn a part at one end of the longer side by 180 degrees."""
         rows, cols = np.nonzero(self.free)
+        if share == 0 or not len(rows):
+            return
         axis = int(np.ptp(cols) > np.ptp(rows))
         values = (rows, cols)[axis]
-        if share == 0:
-            return
         from_low = bool(self.rng.integers(2))
         cut = float(np.quantile(values, share if from_low else 1 - share))
         first, last = (values.min(), int(cut)) if from_low else (int(cut), values.max() + 1)

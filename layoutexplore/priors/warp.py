@@ -87,9 +87,7 @@ class WarpedPlacement:
             found = (points - shift - self.shifts(found)) @ back
         return np.asarray(found)
 
-    def maps(
-        self, origin: Pose, resolution: float, shape: tuple[int, int]
-    ) -> tuple[Floats32, Floats32]:
+    def maps(self, origin: Pose, resolution: float, shape: tuple[int, int]) -> tuple[Floats32, Floats32]:
         """Plan x and y float32 (rows, cols) in metres of the centres of a grid's cells.
 
         Args:

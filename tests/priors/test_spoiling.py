@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
@@ -53,6 +55,12 @@ def test_split_rooms_have_a_wall_and_a_door() -> None:
     assert found.room_ids.max() == 13 and len(found.changed) == 2
     assert found.free.sum() < spoiled().free.sum()
     assert separate(found) == 1
+
+
+def test_a_plan_without_any_room_is_an_empty_sheet() -> None:
+    bare = dataclasses.replace(office(), doors=())
+    found = spoil(bare, SpoilConfig(missing=1.0, outdated=0.5, furniture=1.0), np.random.default_rng(0))
+    assert not found.free.any() and not found.room_ids.any() and min(found.free.shape) > 100
 
 
 def test_missing_rooms_are_solid() -> None:
