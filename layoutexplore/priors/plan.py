@@ -169,14 +169,15 @@ def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan
         MapError: The plan has no free space.
     """
     hints = hints or PriorHints()
+    plan, factor = _in_metres(plan, hints.scale or 1.0)
+    told = (hints.scale or 1.0) / factor
     resolution = RESOLUTION * max(
         1.0, math.sqrt(np.prod(np.subtract(plan.bounds[2:], plan.bounds[:2])) / 3e4)
     )
     raster = plan.rasterize(resolution)
-    told = hints.scale or 1.0
     here = hints.here
     if here is not None:
-        here = (told * (here[0] - raster.origin.x), told * (here[1] - raster.origin.y))
+        here = (told * (factor * here[0] - raster.origin.x), told * (factor * here[1] - raster.origin.y))
     prior = PriorPlan(
         name=plan.name,
         free=raster.free,
@@ -187,6 +188,17 @@ def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan
     )
     whole = with_doors_to_all(prior)
     return dataclasses.replace(whole, unused=whole.unused or ("" if hints.scale else _unit_in_doubt(prior)))
+
+
+def _in_metres(plan: FloorPlan, scale: float) -> tuple[FloorPlan, float]:
+    """A plan in another unit in metres, and by what it was multiplied: cells and doors' reach are metres.
+
+    Images keep their cells, and a plan that is no building at its scale stays as it is.
+    """
+    side = scale * max(np.subtract(plan.bounds[2:], plan.bounds[:2]).tolist())
+    if scale == 1.0 or plan.source is not None or not math.sqrt(LEAST_AREA) <= side <= LONGEST:
+        return plan, 1.0
+    return plan.stretched(scale, scale), scale
 
 
 @checks_arguments
