@@ -29,6 +29,9 @@ WALL = 0.8
 NEW_WALL, NEW_DOOR = 0.2, 0.9
 """Metres: how thick a drawn wall is, and how wide a drawn door."""
 
+MOST_STRETCH = 0.1
+"""Root mean square of local stretching up to which a drawing does not fold, so that it can be inverted."""
+
 CORRIDOR_WORDS = ("corridor", "hall", "passage", "stairs", "walkway", "lobby")
 """Labels of rooms that lead on contain one of these."""
 
@@ -40,7 +43,7 @@ class SpoilConfig:
     Attributes:
         scale: Greatest error of the scale, a share; drawn evenly from both sides.
         aspect: Greatest error of the ratio of the scales along x and y.
-        stretch: Root mean square of the local stretching.
+        stretch: Root mean square of the local stretching, at most 0.1: beyond, a drawing may fold.
         rounding: Walls are drawn at multiples of this many metres; 0 leaves them.
         merged: Share of the rooms that are drawn as one with a neighbour.
         split: Share of the rooms that are drawn as two.
@@ -79,7 +82,7 @@ class SpoilConfig:
             self,
             scale=small,
             aspect=small,
-            stretch=Rule(low=0.0, high=0.2),
+            stretch=Rule(low=0.0, high=MOST_STRETCH),
             rounding=Rule(low=0.0, high=2.0),
             merged=SHARE,
             split=SHARE,
@@ -154,7 +157,7 @@ class _Drawing:
 
     def __init__(self, plan: FloorPlan, raster: PlanRaster, rng: np.random.Generator) -> None:
         self.plan, self.raster, self.rng = plan, raster, rng
-        self.free, self.ids = raster.free.copy(), raster.room_ids.copy()
+        self.free, self.ids = raster.free.copy(), raster.room_ids.astype(np.int32)  # with room for new rooms
         self.changed: set[int] = set()
         self.next_id = int(self.ids.max()) + 1
         reach = round(WALL / raster.resolution)

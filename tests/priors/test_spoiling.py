@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.priors.presets import PRESETS
-from layoutexplore.priors.spoiling import SpoilConfig, SpoiledPlan, spoil
+from layoutexplore.priors.spoiling import MOST_STRETCH, SpoilConfig, SpoiledPlan, spoil
 from tests.priors.cases import door_middles, office
 
 
@@ -61,6 +62,22 @@ def test_a_plan_without_any_room_is_an_empty_sheet() -> None:
     bare = dataclasses.replace(office(), doors=())
     found = spoil(bare, SpoilConfig(missing=1.0, outdated=0.5, furniture=1.0), np.random.default_rng(0))
     assert not found.free.any() and not found.room_ids.any() and min(found.free.shape) > 100
+
+
+def test_rooms_with_high_ids_are_split() -> None:
+    rooms = tuple(dataclasses.replace(room, id=32_756 + room.id) for room in office().rooms)
+    found = spoil(FloorPlan(name="high", rooms=rooms), SpoilConfig(split=0.5), np.random.default_rng(0))
+    assert found.room_ids.max() > 32_767
+
+
+def test_the_greatest_stretching_can_be_undone() -> None:
+    points = np.random.default_rng(0).uniform(0.0, 30.0, (500, 2))
+    for seed in range(10):
+        distortion = spoiled(seed, stretch=MOST_STRETCH).distortion
+        back = distortion.backward(distortion.forward(points))
+        assert np.hypot(*(back - points).T).max() < 0.1
+    with pytest.raises(ConfigError, match="stretch"):
+        SpoilConfig(stretch=0.2)
 
 
 def test_missing_rooms_are_solid() -> None:
