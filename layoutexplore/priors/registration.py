@@ -67,6 +67,10 @@ MIRRORED_COST = 20.0
 """What a mirrored plan costs in log-likelihood: plans are hardly ever drawn so, and points that are seen say
 much the same, so that their sum makes more of a difference than there is."""
 
+SCALE_SLACK = 2.0
+"""The spread of a scale counts as so many times as wide where places are compared, not where one is refined:
+what is seen decides between them. The confidence was fitted to places that were compared so."""
+
 HERE_STD = 3.0
 """Metres by which a place that is told ("you are here") is off."""
 
@@ -279,7 +283,7 @@ class Registration:
     def _expected(self, part: Slice, placement: Placement) -> float:
         """Log-probability of scale, mirror and start before anything is seen."""
         mean = 0.5 * (placement.parameters[0] + placement.parameters[1])
-        cost = 0.5 * (mean / (2 * self.prior.scale_spread)) ** 2 + MIRRORED_COST * part.mirrored
+        cost = 0.5 * (mean / (SCALE_SLACK * self.prior.scale_spread)) ** 2 + MIRRORED_COST * part.mirrored
         here = self.prior.hints.here
         if here is not None and self.start is not None:
             matrix, shift = matrix_of(placement)
