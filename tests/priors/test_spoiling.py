@@ -7,9 +7,12 @@ import dataclasses
 import cv2
 import numpy as np
 import pytest
+import shapely
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.floorplan import FloorPlan, Room
+from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.maps.tracing import trace_doors
 from layoutexplore.priors.presets import PRESETS
 from layoutexplore.priors.spoiling import MOST_STRETCH, SpoilConfig, SpoiledPlan, spoil
 from tests.priors.cases import door_middles, office
@@ -62,6 +65,14 @@ def test_a_plan_without_any_room_is_an_empty_sheet() -> None:
     bare = dataclasses.replace(office(), doors=())
     found = spoil(bare, SpoilConfig(missing=1.0, outdated=0.5, furniture=1.0), np.random.default_rng(0))
     assert not found.free.any() and not found.room_ids.any() and min(found.free.shape) > 100
+
+
+def test_a_wall_of_one_cell_has_no_holes_in_a_drawing_that_is_turned() -> None:
+    halls = (shapely.box(0, 0, 20, 30), shapely.box(20.1, 0, 40, 30))
+    plan = FloorPlan(name="halls", rooms=tuple(Room(id=k + 1, polygon=hall) for k, hall in enumerate(halls)))
+    for seed in range(8):
+        found = spoil(plan, SpoilConfig(turned=True, skew=5.0), np.random.default_rng(seed))
+        assert separate(found) == 2 and not trace_doors(PlanRaster(~found.free, found.room_ids, 0.1))
 
 
 def test_rooms_with_high_ids_are_split() -> None:
