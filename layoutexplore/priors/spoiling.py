@@ -8,7 +8,10 @@ distorted then (`layoutexplore.priors.distortion`).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 
 import cv2
 import numpy as np
@@ -167,19 +170,19 @@ class _Drawing:
     def change_rooms(self, config: SpoilConfig) -> None:
         """Merge, split, move and leave out rooms, each one at most once."""
         rooms = self.rng.permutation(np.unique(self.ids[self.ids > 0]))
-        changes = (
-            (config.merged, self._merge),
-            (config.split, self._split),
-            (config.moved, self._move),
-            (config.missing, self._drop),
+        changes: tuple[tuple[float, tuple[Callable[[int], bool], ...]], ...] = (
+            (config.merged, (self._merge,)),
+            (config.split, (self._split,)),
+            (config.moved, (partial(self._move, slice(1)), partial(self._move, slice(1, None)))),
+            (config.missing, (self._drop,)),
         )
         shares = np.array([share for share, _ in changes])
         # A fifth of few rooms is changed too: the kinds share what there is to change.
         total = min(round(float(shares.sum()) * len(rooms)), len(rooms))
         counts = self.rng.multinomial(total, shares / max(float(shares.sum()), 1e-9)) if total else shares * 0
         waiting = [int(room) for room in rooms]
-        for wanted, (_, change) in zip(counts.tolist(), changes, strict=True):
-            for room in list(waiting):
+        for wanted, (_, ways) in zip(counts.tolist(), changes, strict=True):
+            for change, room in product(ways, list(waiting)):
                 if wanted <= 0:
                     break
                 if room not in self.changed and change(room):
@@ -252,11 +255,12 @@ class _Drawing:
         self.changed.add(room)
         return True
 
-    def _move(self, room: int) -> bool:
+    def _move(self, which: slice, room: int) -> bool:
+        """Move the wall towards one of these neighbours, the longest ones first."""
         window, others = self._neighbours(room)
-        if not len(others):
-            return False
-        other = int(others[0])
+        return any(self._move_wall(window, room, other) for other in others[which].tolist())
+
+    def _move_wall(self, window: tuple[slice, slice], room: int, other: int) -> bool:
         ids, free = self.ids[window], self.free[window]
         wall = self._near(ids == room) & self._near(ids == other) & (ids == 0)
         wall &= ~self._near_others(ids, (room, other))

@@ -11,6 +11,7 @@ import shapely
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.maps.floorplan import FloorPlan, Room
+from layoutexplore.maps.library import load_plan
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.tracing import trace_doors
 from layoutexplore.priors.presets import PRESETS
@@ -95,6 +96,13 @@ def test_missing_rooms_are_solid() -> None:
     found = spoiled(missing=0.3)
     present = set(np.unique(found.room_ids).tolist()) - {0}
     assert len(found.changed) == 3 and present == set(range(1, 12)) - found.changed
+
+
+def test_where_one_wall_cannot_be_moved_another_is() -> None:
+    """A corridor is too narrow to give floor to the rooms beside it, and that is their longest wall."""
+    plan = load_plan("school-01")
+    moved = spoil(plan, SpoilConfig(moved=0.5), np.random.default_rng(0)).changed
+    assert len(moved) > 0.25 * len(plan.rooms)
 
 
 def test_moved_walls_give_floor_to_a_neighbour() -> None:
