@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from layoutexplore.agents import make_agent
-from layoutexplore.errors import ConfigError, checks_arguments
+from layoutexplore.errors import ConfigError, ResultsError, checks_arguments
 from layoutexplore.files import atomic, read_json, safe_name
 from layoutexplore.files.reading import is_there
+from layoutexplore.files.schema import Items, Number, Record, Text
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.maps.floorplan import FloorPlan
@@ -92,6 +93,9 @@ def registration_rows(
         among: Where presets find other floors and buildings; a kind for which there is none is left out.
         store: Folder where rows are kept; those that are there already are read, unless their features were
             others.
+
+    Raises:
+        ResultsError: A file of rows is damaged.
     """
     others = f"_{hashlib.sha256(among.encode()).hexdigest()[:8]}" if among else ""
     name = f"{safe_name(plan.name)}_{plan.raster_hash[:8]}_{sensor}_{seed}{others}.json"
@@ -283,6 +287,9 @@ def score_registrations(rows: Sequence[RegistrationRow], sure: float) -> list[Re
 
 _TEXTS = ("plan", "building", "sensor", "kind")
 _NUMBERS = ("coverage", "error", "first_ms", "median_ms", "p95_ms")
+_ROWS = Items(
+    Record(dict.fromkeys(_TEXTS, Text()) | dict.fromkeys(_NUMBERS, Number()) | {"features": Items(Number())})
+)
 
 
 def _write(path: Path, rows: Sequence[RegistrationRow]) -> None:
@@ -293,11 +300,13 @@ def _write(path: Path, rows: Sequence[RegistrationRow]) -> None:
 
 
 def _read(path: Path) -> list[RegistrationRow]:
-    data: list[dict[str, Any]] = read_json(path)
+    try:
+        data = read_json(path, _ROWS, error=ResultsError)
+    except ResultsError as error:
+        raise ResultsError(f"{error}; delete the file, and the floor is explored again") from error
     found = []
     for row in data:
-        values: dict[str, Any] = {key: str(row[key]) for key in _TEXTS}
-        values |= {key: float(row[key]) for key in _NUMBERS}
+        values: dict[str, Any] = {key: row[key] for key in (*_TEXTS, *_NUMBERS)}
         values["error"] = float("inf") if values["error"] >= 1e9 else values["error"]
-        found.append(RegistrationRow(**values, features=tuple(map(float, row["features"]))))
+        found.append(RegistrationRow(**values, features=tuple(row["features"])))
     return found

@@ -35,7 +35,8 @@ class Foresight:
         resolution: Side of a cell in metres.
 
     Raises:
-        MapError: The arrays have different shapes or other kinds of numbers.
+        MapError: The arrays have different shapes or other kinds of numbers, a cell has another value, or a
+            room an id below 0.
         ConfigError: The confidence lies outside 0..1, or the resolution is not above 0.
 
     Example:
@@ -71,12 +72,25 @@ class Foresight:
                 f"foresight of {self.predictor!r}: cells {self.cells.shape} and room ids "
                 f"{self.room_ids.shape} must be one two-dimensional shape"
             )
+        if self.room_ids.min(initial=0) < 0:
+            raise MapError(
+                f"foresight of {self.predictor!r}: rooms count from 1, and 0 is none: "
+                f"got the id {self.room_ids.min()}"
+            )
+        said = np.equal(self.cells, FREE) | np.equal(self.cells, OCCUPIED) | np.equal(self.cells, UNKNOWN)
+        if not said.all():
+            raise MapError(
+                f"foresight of {self.predictor!r}: cells are {FREE} (free), {OCCUPIED} (wall) or {UNKNOWN} "
+                f"(nothing foreseen), got {self.cells[~said][0]}"
+            )
         check(self, f"foresight of {self.predictor!r}: ", confidence=SHARE, resolution=POSITIVE)
 
     @cached_property
     def areas(self) -> Floats:
         """float64 (highest id + 1,): foreseen free square metres of each room; entry 0 lies in no room."""
-        counts = np.bincount(self.room_ids[self.cells == FREE], minlength=int(self.room_ids.max()) + 1)
+        counts = np.bincount(
+            self.room_ids[self.cells == FREE], minlength=int(self.room_ids.max(initial=0)) + 1
+        )
         return np.asarray(counts * self.resolution**2, np.float64)
 
     def completed(self, known: Cells) -> Cells:

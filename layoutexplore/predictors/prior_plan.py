@@ -51,7 +51,7 @@ class PriorPredictor:
     Args:
         source: A plan that has been read; or a floor plan or picture by name; or a preset of
             `layoutexplore.priors.presets`, which is made from the plan of each run with the run's seed.
-        hints: What is told of the plan's place.
+        hints: What is told of a plan that is read.
         among: Where presets find other floors and buildings.
         sure: Confidence from which the plan is believed, 0..1.
 
@@ -61,6 +61,7 @@ class PriorPredictor:
 
     Raises:
         MapError: The file cannot be read, or is no plan.
+        ConfigError: Hints of a preset or of a plan that has been read.
     """
 
     remembers = True
@@ -72,6 +73,11 @@ class PriorPredictor:
         self._among, self._sure, self._shipped = among, sure, LearnedPredictor()
         check_kind("source", source, PriorPlan, str)
         check_kind("hints", hints, PriorHints, optional=True)
+        if hints not in (None, PriorHints()) and (isinstance(source, PriorPlan) or source in PRESETS):
+            raise ConfigError(
+                "hints are told of a floor plan or picture that is read: a preset takes none, and a "
+                "PriorPlan has its own (prior_of_plan(plan, hints))"
+            )
         check_kind("among", among, str)
         SHARE.convert("sure", sure)
         self._source = source.name if isinstance(source, PriorPlan) else source

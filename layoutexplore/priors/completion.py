@@ -102,7 +102,7 @@ def trusted_reach(registration: Registration, hypothesis: Hypothesis) -> float:
 def drawn_on(registration: Registration, hypothesis: Hypothesis, grid: OccupancyGrid) -> tuple[Cells, Ints32]:
     """The plan on a grid's cells: int8 (rows, cols) as of `Foresight`, and rooms int32 (rows, cols)."""
     fields = registration.fields
-    x, y = hypothesis.placed.maps((grid.origin.x, grid.origin.y), grid.resolution, grid.shape)
+    x, y = hypothesis.placed.maps(grid.origin, grid.resolution, grid.shape)
     col = (x - np.float32(fields.low)) / np.float32(fields.cell) - np.float32(0.5)
     row = (y - np.float32(fields.low)) / np.float32(fields.cell) - np.float32(0.5)
     depth = cv2.remap(fields.depth, col, row, cv2.INTER_LINEAR, borderValue=-10.0)

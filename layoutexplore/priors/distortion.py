@@ -146,7 +146,7 @@ def draw_distorted(
     Returns:
         Floor bool (h, w), rooms int32 (h, w), and the distortion with its shift.
     """
-    rows, cols = np.nonzero(free)
+    rows, cols = np.nonzero(free if free.any() else frame.free)  # of nothing, a sheet of the floor's size
     x = frame.origin.x + (cols + 0.5) * frame.resolution
     y = frame.origin.y + (rows + 0.5) * frame.resolution
     drawn = distortion.forward(np.stack([x, y], axis=1))
@@ -172,12 +172,16 @@ def _true_points(
     rows, cols = (-(-n // step) + 2 for n in shape)
     at_y, at_x = np.mgrid[0:rows, 0:cols] * step
     points = (np.stack([at_x.ravel(), at_y.ravel()], axis=1) + 0.5) * resolution
-    nodes = (distortion.backward(points) - corner).astype(np.float32).reshape(rows, cols, 2)
-    places: Floats32 = nodes
+    places = (distortion.backward(points) - corner).astype(np.float32).reshape(rows, cols, 2)
     if step > 1:
-        # Node (i, j) stands for cell (i step, j step).
-        to_nodes = np.array([[1 / step, 0, 0], [0, 1 / step, 0]], np.float64)
-        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        fine = cv2.warpAffine(nodes, to_nodes, shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
-        places = np.asarray(fine, np.float32)
+        # Node (i, j) stands for cell (i step, j step). OpenCV would warp in steps of 1/32,
+        # and walls of one cell would have holes.
+        places = _between(_between(places, step).swapaxes(0, 1), step).swapaxes(0, 1)
     return places[: shape[0], : shape[1], 0], places[: shape[0], : shape[1], 1]
+
+
+def _between(nodes: Floats32, step: int) -> Floats32:
+    """Nodes float32 (n, ...) with `step - 1` linear ones after each but the last: ((n - 1) step, ...)."""
+    share = (np.arange(step, dtype=np.float32) / np.float32(step)).reshape(1, step, 1, 1)
+    fine = nodes[:-1, None] + share * np.diff(nodes, axis=0)[:, None]
+    return np.asarray(fine.reshape(-1, *nodes.shape[1:]), np.float32)

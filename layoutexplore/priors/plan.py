@@ -64,7 +64,8 @@ class PriorHints:
 
     Attributes:
         scale: What one metre of the plan is in the world, or one pixel of a picture; metres.
-        rotation: Degrees counter-clockwise by which the plan is turned into the map, within 45 degrees.
+        rotation: Degrees counter-clockwise by which the plan is turned into the map, within 45 degrees; of a
+            mirrored plan, after its left and right are exchanged.
         mirror: Whether the plan is drawn as in a mirror.
         here: Point (x, y) of the plan, in its metres or pixels from the lower left, where the robot starts.
 
@@ -105,7 +106,7 @@ class PriorPlan:
         unused: Why it cannot be used; empty for a plan that can.
 
     Raises:
-        MapError: The arrays differ in shape or hold nothing, or a room has an id above the limit.
+        MapError: The arrays differ in shape or hold nothing, or a room has an id above the limit or below 0.
         ConfigError: The resolution or spread is no number above 0.
     """
 
@@ -124,7 +125,11 @@ class PriorPlan:
                 f"prior plan {self.name}: free {self.free.shape} and rooms {self.room_ids.shape} must be "
                 "one two-dimensional shape with cells"
             )
-        check_ids(f"prior plan {self.name}", max(int(self.room_ids.max()), -int(self.room_ids.min())))
+        check_ids(f"prior plan {self.name}", int(self.room_ids.max()))
+        if self.room_ids.min() < 0:
+            raise MapError(
+                f"prior plan {self.name}: rooms count from 1, and 0 is none: got the id {self.room_ids.min()}"
+            )
         check_kind("hints", self.hints, PriorHints)
         check(
             self,
@@ -164,14 +169,15 @@ def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan
         MapError: The plan has no free space.
     """
     hints = hints or PriorHints()
+    plan, factor = _in_metres(plan, hints.scale or 1.0)
+    told = (hints.scale or 1.0) / factor
     resolution = RESOLUTION * max(
         1.0, math.sqrt(np.prod(np.subtract(plan.bounds[2:], plan.bounds[:2])) / 3e4)
     )
     raster = plan.rasterize(resolution)
-    told = hints.scale or 1.0
     here = hints.here
     if here is not None:
-        here = (told * (here[0] - raster.origin.x), told * (here[1] - raster.origin.y))
+        here = (told * (factor * here[0] - raster.origin.x), told * (factor * here[1] - raster.origin.y))
     prior = PriorPlan(
         name=plan.name,
         free=raster.free,
@@ -182,6 +188,17 @@ def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan
     )
     whole = with_doors_to_all(prior)
     return dataclasses.replace(whole, unused=whole.unused or ("" if hints.scale else _unit_in_doubt(prior)))
+
+
+def _in_metres(plan: FloorPlan, scale: float) -> tuple[FloorPlan, float]:
+    """A plan in another unit in metres, and by what it was multiplied: cells and doors' reach are metres.
+
+    Images keep their cells, and a plan that is no building at its scale stays as it is.
+    """
+    side = scale * max(np.subtract(plan.bounds[2:], plan.bounds[:2]).tolist())
+    if scale == 1.0 or plan.source is not None or not math.sqrt(LEAST_AREA) <= side <= LONGEST:
+        return plan, 1.0
+    return plan.stretched(scale, scale), scale
 
 
 @checks_arguments

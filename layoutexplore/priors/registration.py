@@ -67,6 +67,10 @@ MIRRORED_COST = 20.0
 """What a mirrored plan costs in log-likelihood: plans are hardly ever drawn so, and points that are seen say
 much the same, so that their sum makes more of a difference than there is."""
 
+SCALE_SLACK = 2.0
+"""The spread of a scale counts as so many times as wide where places are compared, not where one is refined:
+what is seen decides between them. The confidence was fitted to places that were compared so."""
+
 HERE_STD = 3.0
 """Metres by which a place that is told ("you are here") is off."""
 
@@ -150,7 +154,7 @@ class Registration:
             self._try(TRIED_A_DECISION)
         elif self.evidence.area >= GROWTH * self._searched:
             first = self._searched == 0
-            self._begin_search(wall_direction(grid.free))
+            self._begin_search(wall_direction(grid.free) + grid.origin.theta)
             self._search(FIRST_TRANSFORMED if first else TRANSFORMED)
             if first and self._job is None:
                 self._try(TRIED)
@@ -200,8 +204,9 @@ class Registration:
         rotation = self.prior.hints.rotation
         for part in slices(scales, (0, 1, 2, 3), mirrored):
             if rotation is not None:
-                turn = part.turn(self.fields.direction)
-                angle = self.direction - math.atan2(turn[1, 1], turn[0, 1]) + math.pi / 2
+                # Where the plan's y axis points in the building's axes; mirroring leaves it as it is.
+                x, y = part.turn(self.fields.direction)[1]
+                angle = self.direction + math.atan2(y, x) - math.pi / 2
                 off = (angle - math.radians(rotation) + math.pi) % (2 * math.pi) - math.pi
                 if abs(off) > math.pi / 4:
                     continue
@@ -278,7 +283,7 @@ class Registration:
     def _expected(self, part: Slice, placement: Placement) -> float:
         """Log-probability of scale, mirror and start before anything is seen."""
         mean = 0.5 * (placement.parameters[0] + placement.parameters[1])
-        cost = 0.5 * (mean / (2 * self.prior.scale_spread)) ** 2 + MIRRORED_COST * part.mirrored
+        cost = 0.5 * (mean / (SCALE_SLACK * self.prior.scale_spread)) ** 2 + MIRRORED_COST * part.mirrored
         here = self.prior.hints.here
         if here is not None and self.start is not None:
             matrix, shift = matrix_of(placement)

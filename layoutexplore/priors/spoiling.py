@@ -8,7 +8,10 @@ distorted then (`layoutexplore.priors.distortion`).
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 
 import cv2
 import numpy as np
@@ -29,6 +32,9 @@ WALL = 0.8
 NEW_WALL, NEW_DOOR = 0.2, 0.9
 """Metres: how thick a drawn wall is, and how wide a drawn door."""
 
+MOST_STRETCH = 0.1
+"""Root mean square of local stretching up to which a drawing does not fold, so that it can be inverted."""
+
 CORRIDOR_WORDS = ("corridor", "hall", "passage", "stairs", "walkway", "lobby")
 """Labels of rooms that lead on contain one of these."""
 
@@ -40,7 +46,7 @@ class SpoilConfig:
     Attributes:
         scale: Greatest error of the scale, a share; drawn evenly from both sides.
         aspect: Greatest error of the ratio of the scales along x and y.
-        stretch: Root mean square of the local stretching.
+        stretch: Root mean square of the local stretching, at most 0.1: beyond, a drawing may fold.
         rounding: Walls are drawn at multiples of this many metres; 0 leaves them.
         merged: Share of the rooms that are drawn as one with a neighbour.
         split: Share of the rooms that are drawn as two.
@@ -79,7 +85,7 @@ class SpoilConfig:
             self,
             scale=small,
             aspect=small,
-            stretch=Rule(low=0.0, high=0.2),
+            stretch=Rule(low=0.0, high=MOST_STRETCH),
             rounding=Rule(low=0.0, high=2.0),
             merged=SHARE,
             split=SHARE,
@@ -154,7 +160,7 @@ class _Drawing:
 
     def __init__(self, plan: FloorPlan, raster: PlanRaster, rng: np.random.Generator) -> None:
         self.plan, self.raster, self.rng = plan, raster, rng
-        self.free, self.ids = raster.free.copy(), raster.room_ids.copy()
+        self.free, self.ids = raster.free.copy(), raster.room_ids.astype(np.int32)  # with room for new rooms
         self.changed: set[int] = set()
         self.next_id = int(self.ids.max()) + 1
         reach = round(WALL / raster.resolution)
@@ -164,19 +170,19 @@ class _Drawing:
     def change_rooms(self, config: SpoilConfig) -> None:
         """Merge, split, move and leave out rooms, each one at most once."""
         rooms = self.rng.permutation(np.unique(self.ids[self.ids > 0]))
-        changes = (
-            (config.merged, self._merge),
-            (config.split, self._split),
-            (config.moved, self._move),
-            (config.missing, self._drop),
+        changes: tuple[tuple[float, tuple[Callable[[int], bool], ...]], ...] = (
+            (config.merged, (self._merge,)),
+            (config.split, (self._split,)),
+            (config.moved, (partial(self._move, slice(1)), partial(self._move, slice(1, None)))),
+            (config.missing, (self._drop,)),
         )
         shares = np.array([share for share, _ in changes])
         # A fifth of few rooms is changed too: the kinds share what there is to change.
         total = min(round(float(shares.sum()) * len(rooms)), len(rooms))
         counts = self.rng.multinomial(total, shares / max(float(shares.sum()), 1e-9)) if total else shares * 0
         waiting = [int(room) for room in rooms]
-        for wanted, (_, change) in zip(counts.tolist(), changes, strict=True):
-            for room in list(waiting):
+        for wanted, (_, ways) in zip(counts.tolist(), changes, strict=True):
+            for change, room in product(ways, list(waiting)):
                 if wanted <= 0:
                     break
                 if room not in self.changed and change(room):
@@ -249,11 +255,12 @@ class _Drawing:
         self.changed.add(room)
         return True
 
-    def _move(self, room: int) -> bool:
+    def _move(self, which: slice, room: int) -> bool:
+        """Move the wall towards one of these neighbours, the longest ones first."""
         window, others = self._neighbours(room)
-        if not len(others):
-            return False
-        other = int(others[0])
+        return any(self._move_wall(window, room, other) for other in others[which].tolist())
+
+    def _move_wall(self, window: tuple[slice, slice], room: int, other: int) -> bool:
         ids, free = self.ids[window], self.free[window]
         wall = self._near(ids == room) & self._near(ids == other) & (ids == 0)
         wall &= ~self._near_others(ids, (room, other))
@@ -331,10 +338,10 @@ class _Drawing:
     def outdate(self, share: float) -> None:
         """Turn a part at one end of the longer side by 180 degrees."""
         rows, cols = np.nonzero(self.free)
+        if share == 0 or not len(rows):
+            return
         axis = int(np.ptp(cols) > np.ptp(rows))
         values = (rows, cols)[axis]
-        if share == 0:
-            return
         from_low = bool(self.rng.integers(2))
         cut = float(np.quantile(values, share if from_low else 1 - share))
         first, last = (values.min(), int(cut)) if from_low else (int(cut), values.max() + 1)

@@ -7,6 +7,7 @@ be alike, so that the field goes on smoothly where nothing has been seen.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from numba import njit
 from scipy import linalg
 
 from layoutexplore.grids.arrays import Floats, Floats32
+from layoutexplore.grids.grid import Pose
 from layoutexplore.priors.fields import PlanFields
 from layoutexplore.priors.refinement import Placement, matrix_of, sample_field
 
@@ -85,28 +87,30 @@ class WarpedPlacement:
             found = (points - shift - self.shifts(found)) @ back
         return np.asarray(found)
 
-    def maps(
-        self, low: tuple[float, float], resolution: float, shape: tuple[int, int]
-    ) -> tuple[Floats32, Floats32]:
-        """Plan x and y float32 (rows, cols) in metres of the centres of cells of a grid without rotation.
+    def maps(self, origin: Pose, resolution: float, shape: tuple[int, int]) -> tuple[Floats32, Floats32]:
+        """Plan x and y float32 (rows, cols) in metres of the centres of a grid's cells.
 
         Args:
-            low: World (x, y) of the grid's lower left corner.
+            origin: The grid's lower left corner in the world, and how it is turned.
             resolution: Metres a cell.
             shape: (rows, cols).
         """
         matrix, shift = matrix_of(self.placement)
+        low, c, s = np.array(origin[:2]), math.cos(origin.theta), math.sin(origin.theta)
+        turned = np.array([[c, -s], [s, c]])
         # From the corner on: world coordinates of a country's grid are too large for single precision.
         x, y = (((np.arange(n) + 0.5) * resolution).astype(np.float32) for n in shape[::-1])
-        corner = (matrix @ np.array(low) + shift).astype(np.float32)
+        corner = (matrix @ low + shift).astype(np.float32)
+        matrix = matrix @ turned
         found = [
             np.float32(matrix[k, 1]) * y[:, None] + np.float32(matrix[k, 0]) * x + corner[k] for k in (0, 1)
         ]
         if self.lattice is not None:
-            # Cell (r, c) lies at node coordinates (low + (c + 1/2) resolution - lattice.low) / spacing.
-            step = resolution / self.lattice.spacing
-            at = (np.array(low) + 0.5 * resolution - self.lattice.low) / self.lattice.spacing
-            to_nodes = np.array([[step, 0, at[0]], [0, step, at[1]]], np.float64)
+            # Cell (r, c) lies at node coordinates (low + turned (c + 1/2, r + 1/2) resolution - lattice.low)
+            # / spacing.
+            step = turned * (resolution / self.lattice.spacing)
+            at = (low + turned.sum(axis=1) * 0.5 * resolution - self.lattice.low) / self.lattice.spacing
+            to_nodes = np.column_stack([step, at])
             flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
             drawn = cv2.warpAffine(
                 self.lattice.shifts.astype(np.float32),

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from layoutexplore.errors import ResultsError
 from layoutexplore.evaluation.registration import (
     RegistrationRow,
     confidences,
@@ -57,6 +58,16 @@ def test_rows_with_other_features_are_made_anew(tmp_path: Path) -> None:
     path.write_text(json.dumps([{**row, "features": row["features"][:-1]} for row in table]))
     again = registration_rows(plan, ["true"], store=tmp_path)
     assert [row.features for row in again] == [row.features for row in first]
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[{}]", "[1]", '[{"plan": "x", "error": null}]'])
+def test_a_damaged_file_of_rows_is_told(text: str, tmp_path: Path) -> None:
+    plan = load_plan("apartment-01")
+    registration_rows(plan, ["empty"], store=tmp_path)
+    (path,) = tmp_path.iterdir()
+    path.write_text(text)
+    with pytest.raises(ResultsError, match=rf"{path.name}.*delete the file"):
+        registration_rows(plan, ["empty"], store=tmp_path)
 
 
 def test_rows_of_other_floors_are_kept_by_where_these_come_from(

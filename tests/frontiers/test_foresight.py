@@ -54,6 +54,8 @@ def test_areas_are_of_free_cells() -> None:
         {"confidence": 1.5},
         {"confidence": float("nan")},
         {"resolution": 0.0},
+        {"room_ids": -ROOMS},
+        {"cells": CELLS + np.int8(1)},
     ],
 )
 def test_what_does_not_fit_is_named(changes: dict[str, object]) -> None:

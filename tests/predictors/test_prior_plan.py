@@ -16,6 +16,7 @@ from layoutexplore.maps.geojson import save_plan
 from layoutexplore.predictors import make_predictor
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.prior_plan import SURE, PriorPredictor, owners_of, predictor_of_prior
+from layoutexplore.priors.plan import PriorHints, prior_of_plan
 from layoutexplore.priors.registration import Registration
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.saved_run import read_saved_run, save_simulation
@@ -113,6 +114,16 @@ def test_a_file_of_its_own(tmp_path: Path) -> None:
 def test_nonsense_is_refused(text: str, message: str) -> None:
     with pytest.raises(LayoutExploreError, match=message):
         predictor_of_prior(text)
+
+
+def test_hints_that_nothing_would_hear_are_refused() -> None:
+    told = PriorHints(rotation=90.0)
+    for source in ("rough", prior_of_plan(office(), told)):
+        with pytest.raises(ConfigError, match="hints are told of"):
+            PriorPredictor(source, told)
+    with pytest.raises(ConfigError, match="a preset takes none"):
+        predictor_of_prior("true;mirror=yes")
+    assert PriorPredictor(prior_of_plan(office(), told), PriorHints()).registration is not None
 
 
 def test_a_plan_believed_at_any_confidence_still_needs_a_place(

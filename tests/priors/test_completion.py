@@ -48,6 +48,14 @@ def test_a_plan_is_drawn_alike_where_coordinates_are_those_of_a_country() -> Non
     assert (here.cells != there.cells).mean() < 1e-3 and (here.room_ids != there.room_ids).mean() < 1e-3
 
 
+@pytest.mark.parametrize("theta", [0.3, np.pi / 2, -2.0])
+def test_a_plan_is_drawn_alike_on_a_grid_that_is_turned(theta: float) -> None:
+    upright = seen_part(office(), 0.5)
+    turned = OccupancyGrid(upright.cells, upright.resolution, Pose(3.0, -2.0, theta))
+    here, there = (PlanOnMap().foresee(registered(grid), grid, 0.9, "prior") for grid in (upright, turned))
+    assert (here.cells != there.cells).mean() < 0.01 and (here.room_ids != there.room_ids).mean() < 0.01
+
+
 def test_far_outside_nothing_is_foreseen() -> None:
     grid = seen_part(office(), 0.5)
     padded = OccupancyGrid(

@@ -130,6 +130,16 @@ def test_a_floor_plan_in_feet_or_inches_is_not_used_unless_its_scale_is_told(uni
     assert not told.unused and told.rooms == len(office().rooms)
 
 
+@pytest.mark.parametrize("unit", [0.001, 0.01, 0.1, 1 / 0.3048, 39.37, 1000.0])
+def test_a_floor_plan_of_any_unit_is_that_in_metres_when_its_scale_is_told(unit: float) -> None:
+    """Drawn at 1:100 or in kilometres, cells of 0.1 were as large as rooms; in inches, doors were walls."""
+    true = prior_of_plan(office(), PriorHints(here=(15.0, 6.0)))
+    told = prior_of_plan(in_unit(office(), unit), PriorHints(scale=1 / unit, here=(15.0 * unit, 6.0 * unit)))
+    assert told.resolution == pytest.approx(true.resolution) and told.doors_missing == 0.0
+    assert told.hints.here == pytest.approx(true.hints.here) and told.hints.scale == 1 / unit
+    assert told.free.shape == true.free.shape and (told.free != true.free).mean() < 0.02
+
+
 def test_nonsense_is_refused() -> None:
     with pytest.raises(ConfigError, match="hint scale"):
         PriorHints(scale=-1.0)

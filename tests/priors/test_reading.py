@@ -11,7 +11,7 @@ import pytest
 
 from layoutexplore.errors import LayoutExploreError, MapError
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
-from layoutexplore.priors.plan import PriorHints
+from layoutexplore.priors.plan import PriorHints, PriorPlan
 from layoutexplore.priors.reading import paper_share, prior_of_picture, read_prior
 from tests.priors.cases import door_middles, office
 
@@ -37,6 +37,26 @@ def test_a_picture_has_all_that_hangs_on_a_wall() -> None:
     assert np.array_equal(image, sheet())
     plain = sheet(PictureStyle(signs=0.0, numbers=False, routes=False, swings=False, legend=False))
     assert plain.shape[0] < image.shape[0] and (plain == 0).all(axis=2).sum() < (image == 0).all(axis=2).sum()
+
+
+def test_rooms_below_zero_are_refused() -> None:
+    minus = np.full((3, 2), -1, np.int32)
+    with pytest.raises(MapError, match="the id -1"):
+        draw_evacuation_plan(minus < 0, minus, 0.1, np.random.default_rng(0))
+    with pytest.raises(MapError, match="the id -1"):
+        PriorPlan(name="x", free=minus < 0, room_ids=minus, resolution=0.1)
+
+
+@pytest.mark.parametrize("thick", [4, 5, 6])
+def test_walls_as_thick_as_asked_for_stay_as_they_are(thick: int) -> None:
+    ids = np.zeros((80, 120 + thick), np.int32)
+    ids[10:-10, 10:60], ids[10:-10, 60 + thick : -10] = 1, 2
+    style = PictureStyle(
+        pixels_per_metre=10.0, wall=0.4, signs=0.0, numbers=False, routes=False, swings=False, legend=False
+    )
+    image = draw_evacuation_plan(ids > 0, ids, 0.1, np.random.default_rng(0), style=style)
+    black = np.flatnonzero((image[20, 30:90] == 0).all(axis=1)) + 30
+    assert black.tolist() == list(range(60, 60 + thick))
 
 
 def test_the_picture_is_read_back() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from layoutexplore.maps.library import load_plan
 from layoutexplore.priors.confidence import confidence
 from layoutexplore.priors.plan import PriorHints, PriorPlan, prior_of_plan
 from layoutexplore.priors.presets import StudyPrior, study_prior
-from layoutexplore.priors.registration import FIRST_TRANSFORMED, MIRRORED_COST, Registration
+from layoutexplore.priors.registration import FIRST_TRANSFORMED, MIRRORED_COST, SCALE_SLACK, Registration
 from layoutexplore.priors.search import CoarseSearch
 from tests.priors.cases import door_middles, office, seen_part
 
@@ -90,6 +91,27 @@ def test_a_hint_of_rotation_leaves_one_orientation() -> None:
     assert {(h.slice.quarter, h.slice.mirrored) for h in registration.hypotheses} == {(0, False)}
     upside_down = prior_of_plan(office(), PriorHints(rotation=180.0, mirror=False))
     assert {h.slice.quarter for h in registered(upside_down, 0.5).hypotheses} == {2}
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+@pytest.mark.parametrize("turns", range(4))
+def test_a_hint_of_rotation_is_heard_of_mirrored_plans_too(turns: int, mirror: bool) -> None:
+    drawn = prior_of_plan(office())
+    # Rows count upwards: rot90 turns such an array clockwise, the map lies counter-clockwise of the plan.
+    free, ids = (np.rot90(cells, turns) for cells in (drawn.free, drawn.room_ids))
+    if mirror:
+        free, ids = free[:, ::-1], ids[:, ::-1]
+    hints = PriorHints(rotation=90.0 * turns, mirror=mirror)
+    plan = PriorPlan(name="turned", free=free, room_ids=ids, resolution=0.1, scale_spread=0.04, hints=hints)
+    assert registered(plan, 0.6).hypotheses[0].fit.walls > 0.95
+
+
+def test_a_total_is_the_fit_with_what_is_known_before() -> None:
+    prior = study_prior("mirrored", office(), 1).prior
+    for h in registered(prior, 0.6).hypotheses:
+        off = math.log(h.world_scale) / (SCALE_SLACK * prior.scale_spread)
+        known = -0.5 * off**2 - MIRRORED_COST * h.slice.mirrored
+        assert h.total == pytest.approx(h.fit.score - h.bending + known)
 
 
 def test_nothing_seen_is_no_hypothesis() -> None:

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import cv2
 import numpy as np
 import pytest
+import shapely
 
 from layoutexplore.errors import ConfigError
+from layoutexplore.maps.floorplan import FloorPlan, Room
+from layoutexplore.maps.library import load_plan
+from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.maps.tracing import trace_doors
 from layoutexplore.priors.presets import PRESETS
-from layoutexplore.priors.spoiling import SpoilConfig, SpoiledPlan, spoil
+from layoutexplore.priors.spoiling import MOST_STRETCH, SpoilConfig, SpoiledPlan, spoil
 from tests.priors.cases import door_middles, office
 
 
@@ -55,10 +62,47 @@ def test_split_rooms_have_a_wall_and_a_door() -> None:
     assert separate(found) == 1
 
 
+def test_a_plan_without_any_room_is_an_empty_sheet() -> None:
+    bare = dataclasses.replace(office(), doors=())
+    found = spoil(bare, SpoilConfig(missing=1.0, outdated=0.5, furniture=1.0), np.random.default_rng(0))
+    assert not found.free.any() and not found.room_ids.any() and min(found.free.shape) > 100
+
+
+def test_a_wall_of_one_cell_has_no_holes_in_a_drawing_that_is_turned() -> None:
+    halls = (shapely.box(0, 0, 20, 30), shapely.box(20.1, 0, 40, 30))
+    plan = FloorPlan(name="halls", rooms=tuple(Room(id=k + 1, polygon=hall) for k, hall in enumerate(halls)))
+    for seed in range(8):
+        found = spoil(plan, SpoilConfig(turned=True, skew=5.0), np.random.default_rng(seed))
+        assert separate(found) == 2 and not trace_doors(PlanRaster(~found.free, found.room_ids, 0.1))
+
+
+def test_rooms_with_high_ids_are_split() -> None:
+    rooms = tuple(dataclasses.replace(room, id=32_756 + room.id) for room in office().rooms)
+    found = spoil(FloorPlan(name="high", rooms=rooms), SpoilConfig(split=0.5), np.random.default_rng(0))
+    assert found.room_ids.max() > 32_767
+
+
+def test_the_greatest_stretching_can_be_undone() -> None:
+    points = np.random.default_rng(0).uniform(0.0, 30.0, (500, 2))
+    for seed in range(10):
+        distortion = spoiled(seed, stretch=MOST_STRETCH).distortion
+        back = distortion.backward(distortion.forward(points))
+        assert np.hypot(*(back - points).T).max() < 0.1
+    with pytest.raises(ConfigError, match="stretch"):
+        SpoilConfig(stretch=0.2)
+
+
 def test_missing_rooms_are_solid() -> None:
     found = spoiled(missing=0.3)
     present = set(np.unique(found.room_ids).tolist()) - {0}
     assert len(found.changed) == 3 and present == set(range(1, 12)) - found.changed
+
+
+def test_where_one_wall_cannot_be_moved_another_is() -> None:
+    """A corridor is too narrow to give floor to the rooms beside it, and that is their longest wall."""
+    plan = load_plan("school-01")
+    moved = spoil(plan, SpoilConfig(moved=0.5), np.random.default_rng(0)).changed
+    assert len(moved) > 0.25 * len(plan.rooms)
 
 
 def test_moved_walls_give_floor_to_a_neighbour() -> None:
