@@ -231,9 +231,9 @@ class Robot:
             true_dx / resolution,
         )
         self.believed = Pose(self.believed.x + share * dx, self.believed.y + share * dy, self.believed.theta)
-        self.pose = Pose(
-            self.pose.x + share * true_dx, self.pose.y + share * true_dy, self.pose.theta + drift
-        )
+        # Errors of the heading add up as a random walk: of a share of the way, its root.
+        theta = self.pose.theta + math.sqrt(share) * drift
+        self.pose = Pose(self.pose.x + share * true_dx, self.pose.y + share * true_dy, theta)
         self.walked += share * length
         self._track.add(self.pose)
         if self._drifts:

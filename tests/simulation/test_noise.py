@@ -205,6 +205,16 @@ def test_a_robot_that_drifts_backs_up_from_a_wall() -> None:
         assert away >= BACK if leaves else away == 0.0
 
 
+def test_a_robot_that_pushes_against_a_wall_does_not_lose_its_heading() -> None:
+    raster = floorplan_from_ascii(TWO_ROOMS, resolution=0.4).rasterize(0.1)
+    start = Pose(*raster.cell_to_world(*np.argwhere(raster.reachable(0.2))[0].tolist()), 0.0)
+    noise = OdometryNoise(rotation=0.03)
+    robot = Robot(raster, 0.2, start, noise, np.random.default_rng(0))
+    for _ in range(200):
+        robot.translate(50.0, 0.0)
+    assert abs(robot.pose.theta - robot.believed.theta) < 4 * noise.rotation * math.sqrt(robot.walked)
+
+
 def test_there_is_room_around_the_building_where_drift_bends_the_map() -> None:
     plan = floorplan_from_ascii(TWO_ROOMS, resolution=0.4)
     exact = Simulation(plan, SimulationConfig(sensor="indoor"))
