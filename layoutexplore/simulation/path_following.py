@@ -204,11 +204,11 @@ def _follow(
         _turn(state, scan_heading(state[_X], state[_Y], state[_FROM_X], state[_FROM_Y]))
         new_occupied = _scan(state, floor, sensor, maps, log.totals)
         coverage = 1.0 - log.totals[_UNSEEN] / maps.target_count
-        log.curve[scans, 0] = charged_distance(rules, state[_WALKED], state[_TURNED])
-        log.curve[scans, 1] = coverage
+        shown = charged_distance(rules, state[_WALKED], state[_TURNED]), coverage
+        log.curve[scans, 0], log.curve[scans, 1] = shown
         scans += 1
         state[_SCANNED_AT], state[_FROM_X], state[_FROM_Y] = state[_WALKED], state[_X], state[_Y]
-        event = event_after_scan(rules, coverage, maps.cells, new_occupied, task.frontier, path[k:])
+        event = event_after_scan(rules, shown, maps.cells, new_occupied, task.frontier, path[k:])
         if event != PathEvent.GOES_ON.value or scans == task.scans:
             return event, k, steps, scans
     return PathEvent.GOES_ON.value, k, steps, scans

@@ -40,6 +40,9 @@ class PathEvent(IntEnum):
     BLOCKED = 5
     """The last scan found an obstacle on the rest of the path."""
 
+    SPENT = 6
+    """Turning for the last scan has spent the budget."""
+
 
 class PathRules(NamedTuple):
     """When to scan and when to stop; numba kernels take it as it is.
@@ -93,21 +96,29 @@ def scan_heading(x: float, y: float, from_x: float, from_y: float) -> float:
 
 @register_jitable
 def event_after_scan(
-    rules: PathRules, coverage: float, cells: Cells, new_occupied: int, frontier: Ints32, ahead: Ints32
+    rules: PathRules,
+    shown: tuple[float, float],
+    cells: Cells,
+    new_occupied: int,
+    frontier: Ints32,
+    ahead: Ints32,
 ) -> int:
     """What a scan on the way means for the rest of a path, the number of a `PathEvent`.
 
     Args:
         rules: The rules.
-        coverage: Share of the target area seen, 0..1.
+        shown: The run's curve after the scan: metres charged so far, and the share of the target area seen.
         cells: int8 (rows, cols), the grid after the scan.
         new_occupied: How many cells the scan found to be occupied.
         frontier: int32 (n, 2), the cells of the frontier that the path leads to; none when it leads to none.
         ahead: int32 (m, 2), the cells of the path that are still ahead.
     """
-    # The goal comes first: it ends the run, whatever became of the frontier.
+    distance, coverage = shown
+    # The ends of the run come first, whatever became of the frontier.
     if coverage >= rules.coverage_goal:
         return PathEvent.COVERED.value
+    if distance >= rules.max_distance:
+        return PathEvent.SPENT.value
     if len(frontier) == 0:  # An agent's own path is followed to its end, or until a wall stops the robot.
         return PathEvent.GOES_ON.value
     if remaining_share(cells, frontier) < rules.gone_share:

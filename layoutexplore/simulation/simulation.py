@@ -336,8 +336,8 @@ class Simulation:
         state.note_change(segment.box)
         for distance, coverage in segment.curve.tolist():
             state.note_scan(distance, coverage)
-        if segment.event == PathEvent.COVERED:
-            state.finish(StopReason.COVERAGE)
+        if segment.event in (PathEvent.COVERED, PathEvent.SPENT):
+            state.finish_where_due(self.config.coverage_goal)
         if self.on_scan and len(segment.curve):
             self.on_scan(self)
         return segment.event, segment.reached
@@ -348,8 +348,8 @@ class Simulation:
         state.robot.turn_to(state.follower.scan_heading(state.robot))
         new_occupied = self._scan().new_occupied
         state.follower.note_scan(state.robot)
-        cells, rules = state.mapper.grid.cells, state.follower.rules
-        return event_after_scan(rules, state.coverage.share, cells, new_occupied, goal, ahead)
+        shown, cells = (state.distance, state.coverage.share), state.mapper.grid.cells
+        return event_after_scan(state.follower.rules, shown, cells, new_occupied, goal, ahead)
 
     def _look(self, frontier: Frontier) -> None:
         """Face the frontier and scan, all around if it is still there, and blacklist what that leaves."""
