@@ -88,6 +88,24 @@ def test_a_path_in_one_go_is_the_path_scan_by_scan(data: st.DataObject) -> None:
     assert scans in ([], list(range(2, fast.scans + 1)))
 
 
+@pytest.mark.parametrize("steps", [False, True])
+def test_nothing_is_scanned_once_the_budget_is_spent(steps: bool) -> None:
+    """Turning for a scan on the way may spend it: the robot does not go a step on and scan again."""
+    config = SimulationConfig(sensor="stage", turn_cost=0.3, max_distance=10.0, coverage_goal=1.0)
+    spent = 0
+    for seed in range(30):
+        simulation = Simulation(rooms(seed), config)
+        simulation.reset(seed=seed)
+        if steps:
+            in_python(simulation, steps=True)
+        while not simulation.done:
+            simulation.step(len(simulation.decision.frontiers) - 1)
+        metres = simulation.curve[:, 0]
+        spent += metres[-1] >= config.max_distance
+        assert (metres[:-1] < config.max_distance).all()
+    assert spent >= 20
+
+
 def test_a_wall_that_was_not_seen_is_walked_around(monkeypatch: pytest.MonkeyPatch) -> None:
     """Scans put what blocks a path on the map; some paths are planned anew, in one go as scan by scan."""
     config = SimulationConfig(sensor=SENSORS[2], coverage_goal=1.0, robot_radius=0.35)
