@@ -74,7 +74,7 @@ def test_an_array_of_one_number_is_a_choice_as_policies_give_it() -> None:
     runs = [play(simulation, Policy(choice), probe=CounterfactualRollouts) for choice in (0, np.array(0))]
     np.testing.assert_array_equal(runs[1].track, runs[0].track)
     simulation.reset()
-    with pytest.raises(ConfigError, match="there is no frontier 0.5"):
+    with pytest.raises(ConfigError, match=r"there is no frontier 0\.5"):
         simulation.step(np.array(0.5))
     simulation.step(np.array(STOP))
     assert simulation.stop_reason == "agent"

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.options import FloorPlans, PageFolder, Sensors, Starts, Workers
+from layoutexplore.cli.evaluate.options import (
+    FloorPlans,
+    PageFolder,
+    Sensors,
+    Starts,
+    Workers,
+    asked_predictors,
+)
 from layoutexplore.cli.evaluate.partial_rooms import judge_explorations
 from layoutexplore.files import check_places
 
@@ -55,7 +62,6 @@ def in_the_loop(
     from layoutexplore.evaluation.in_the_loop import BASELINE, driver_of, score_in_the_loop
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
     from layoutexplore.maps.library import cached_plan, find_plans
-    from layoutexplore.predictors import make_room_predictor
     from layoutexplore.processes import command_line
     from layoutexplore.report.in_the_loop import write_in_the_loop_report
     from layoutexplore.sensing.lidar import sensor as find_sensor
@@ -64,14 +70,13 @@ def in_the_loop(
     require("jinja2", "bench")
     check_places(out)
     sensors = [find_sensor(name).name for name in sensor or SENSORS]
-    predictors = [make_room_predictor(name) for name in dict.fromkeys(predictor or PREDICTORS)]
-    names = [p.name for p in predictors]
+    predictors = asked_predictors(predictor or PREDICTORS)
     sources = find_plans(plans)
     config = BenchmarkConfig(
         plans=tuple(sources),
         starts=starts,
         sensors=tuple(sensors),
-        agents=(BASELINE, *map(driver_of, names)),
+        agents=(BASELINE, *map(driver_of, predictors)),
         explain=False,
     )
     rows = run_shared(config, out / "runs", jobs)
@@ -96,7 +101,7 @@ def in_the_loop(
 
 
 def _believed(
-    plan: FloorPlan, sensor: str, predictors: Sequence[RoomPredictor], store: Path
+    plan: FloorPlan, sensor: str, predictors: Mapping[str, RoomPredictor], store: Path
 ) -> list[BelievedRooms]:
     """Pictures of what predictors believe in one exploration."""
     from layoutexplore.agents import make_agent
@@ -108,11 +113,11 @@ def _believed(
     agent = make_agent(PROTOCOL_AGENT)
     found = []
     for snapshot in explore_plan(plan, agent, sensor=sensor, coverages=SHOWN, store=store):
-        for predictor in predictors:
+        for name, predictor in predictors.items():
             if isinstance(predictor, Privileged):
                 predictor.reveal(snapshot.truth)
             image = draw_believed_rooms(snapshot, predictor.rooms(snapshot.decision))
-            found.append(BelievedRooms(predictor.name, snapshot.coverage, image))
+            found.append(BelievedRooms(name, snapshot.coverage, image))
     return found
 
 

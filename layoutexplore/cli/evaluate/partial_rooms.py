@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.options import FloorPlans, JsonFile, Sensors, write_numbers
+from layoutexplore.cli.evaluate.options import FloorPlans, JsonFile, Sensors, asked_predictors, write_numbers
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def partial_rooms(
     from layoutexplore.evaluation.partial_rooms import score_predictors
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
     from layoutexplore.maps.library import find_plans, load_plan
-    from layoutexplore.predictors import make_room_predictor, predictor_names
+    from layoutexplore.predictors import predictor_names
     from layoutexplore.processes import command_line
     from layoutexplore.report.partial_rooms import Gallery, write_partial_rooms_report
     from layoutexplore.sensing.lidar import sensor as find_sensor
@@ -88,7 +88,7 @@ def partial_rooms(
         require("jinja2", "bench")
     check_places(out, json_file, snapshots=snapshots)
     sensors = list(dict.fromkeys(find_sensor(name).name for name in sensor or SENSORS))
-    predictors = [make_room_predictor(name) for name in dict.fromkeys(predictor or predictor_names())]
+    predictors = asked_predictors(predictor or predictor_names())
     taken = (
         snapshot
         for source in find_plans(plans)
@@ -97,7 +97,7 @@ def partial_rooms(
         )
         for snapshot in exploration
     )
-    names = [p.name for p in predictors]
+    names = list(predictors)
     gallery = Gallery("layout" if "layout" in names else names[0])
     scores = score_predictors(taken, predictors, gallery if out else None)
     summary = summarise_partial_rooms(scores)
@@ -113,7 +113,7 @@ def partial_rooms(
 
 def judge_explorations(
     sources: Sequence[str],
-    predictors: Sequence[RoomPredictor],
+    predictors: Mapping[str, RoomPredictor],
     *,
     sensors: Sequence[str],
     starts: int,
@@ -124,7 +124,7 @@ def judge_explorations(
 
     Args:
         sources: Floor plans.
-        predictors: Who is asked.
+        predictors: Who is asked, by name.
         sensors: Names of sensors.
         starts: Explorations by each sensor.
         store: Folder that keeps them.
@@ -136,7 +136,7 @@ def judge_explorations(
     from layoutexplore.maps.library import cached_plan
     from layoutexplore.training.explorations import protocol_explorations
 
-    scores = Scores([], [], {p.name: [] for p in predictors})
+    scores = Scores([], [], {name: [] for name in predictors})
     done, total = 0, len(sources) * len(sensors) * starts
     level = f", noise {noise}" if noise else ""
     with ProgressLine(plain_console(), f"explorations judged{level}") as line:
