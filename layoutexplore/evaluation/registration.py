@@ -24,7 +24,7 @@ from layoutexplore.maps.library import load_plan
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.priors.confidence import FEATURES, features_of, shipped_model
-from layoutexplore.priors.presets import StudyPrior, study_prior
+from layoutexplore.priors.presets import StudyPrior, digest_of_others, study_prior
 from layoutexplore.priors.registration import Registration
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
@@ -92,12 +92,13 @@ def registration_rows(
         seed: Of the start, and of the prior plans.
         among: Where presets find other floors and buildings; a kind for which there is none is left out.
         store: Folder where rows are kept; those that are there already are read, unless their features were
-            others.
+            others, or the files of `among` have changed.
 
     Raises:
         ResultsError: A file of rows is damaged.
     """
-    others = f"_{hashlib.sha256(among.encode()).hexdigest()[:8]}" if among else ""
+    text = f"{among}{digest_of_others(among)}"
+    others = f"_{hashlib.sha256(text.encode()).hexdigest()[:8]}" if text else ""
     name = f"{safe_name(plan.name)}_{plan.raster_hash[:8]}_{sensor}_{seed}{others}.json"
     path = store and store / name
     kept: dict[str, list[RegistrationRow]] = {}

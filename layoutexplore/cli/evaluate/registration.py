@@ -146,11 +146,11 @@ def _rows(
     from layoutexplore.sensing.lidar import sensor as find_sensor
 
     check_places(out)
-    kinds = list(kind or KINDS)
+    kinds = list(dict.fromkeys(kind or KINDS))
     for name in kinds:
         if name not in PRESETS:
             raise unknown_name("prior plan", name, PRESETS)
-    sensors = [find_sensor(name).name for name in sensor or ("stage", "indoor")]
+    sensors = dict.fromkeys(find_sensor(name).name for name in sensor or ("stage", "indoor"))
     tasks = [(source, name) for source in find_plans(plans) for name in sensors]
     jobs = min(JOBS.convert("--jobs", jobs), len(tasks))
     work = partial(rows_of_source, kinds=kinds, among=among, store=out)
