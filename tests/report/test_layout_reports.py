@@ -309,10 +309,15 @@ def test_partial_rooms_page_without_any_room(tmp_path: Path) -> None:
         floorplan_from_ascii("####\n#aa#\n#aa#\n####", resolution=1.5, name="hut"), tmp_path / "hut.geojson"
     )
     out = tmp_path / "out"
+    pictures = out / "pictures"
+    pictures.mkdir(parents=True)
+    for name in ("best_1.png", "best_view.png"):  # one of an earlier study, one of somebody's own
+        (pictures / name).touch()
     result = CliRunner().invoke(
         app, ["evaluate", "partial-rooms", str(tmp_path / "hut.geojson"), "-p", "none", "--out", str(out)]
     )
     assert result.exit_code == 0, result.output
+    assert [path.name for path in pictures.iterdir()] == ["best_view.png"]
     assert "No room was seen in part" in whole(out / "report.html")
     assert "no room is judged" in result.output and "nan" not in result.output
 
