@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+import layoutexplore
 from layoutexplore.agents import make_agent
 from layoutexplore.errors import ConfigError, ResultsError, checks_arguments
 from layoutexplore.files import atomic, read_json, safe_name
@@ -91,15 +92,15 @@ def registration_rows(
         sensor: Of the robot.
         seed: Of the start, and of the prior plans.
         among: Where presets find other floors and buildings; a kind for which there is none is left out.
-        store: Folder where rows are kept; those that are there already are read, unless their features were
-            others, or the files of `among` have changed.
+        store: Folder where rows are kept; those that are there already are read, unless another
+            version made them, their features were others, or the files of `among` have changed.
 
     Raises:
         ResultsError: A file of rows is damaged.
     """
-    text = f"{among}{digest_of_others(among)}"
-    others = f"_{hashlib.sha256(text.encode()).hexdigest()[:8]}" if text else ""
-    name = f"{safe_name(plan.name)}_{plan.raster_hash[:8]}_{sensor}_{seed}{others}.json"
+    made_by = f"{layoutexplore.__version__} {among} {digest_of_others(among)}"
+    key = hashlib.sha256(made_by.encode()).hexdigest()[:8]
+    name = f"{safe_name(plan.name)}_{plan.raster_hash[:8]}_{sensor}_{seed}_{key}.json"
     path = store and store / name
     kept: dict[str, list[RegistrationRow]] = {}
     if path and is_there(path):

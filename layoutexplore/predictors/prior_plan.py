@@ -48,6 +48,8 @@ HINTS = ("scale", "rotation", "mirror", "here")
 class PriorPredictor:
     """Rooms, classes and foresight by a plan known beforehand.
 
+    It follows one run: explorations side by side need one each.
+
     Args:
         source: A plan that has been read; or a floor plan or picture by name; or a preset of
             `layoutexplore.priors.presets`, which is made from the plan of each run with the run's seed.

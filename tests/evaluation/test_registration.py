@@ -63,6 +63,16 @@ def test_rows_with_other_features_are_made_anew(tmp_path: Path) -> None:
     assert [row.features for row in again] == [row.features for row in first]
 
 
+def test_rows_of_another_version_are_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = load_plan("apartment-01")
+    registration_rows(plan, ["empty"], store=tmp_path)
+    (path,) = tmp_path.iterdir()
+    path.write_text(path.read_text().replace('"building": "', '"building": "old '))
+    assert {row.building for row in registration_rows(plan, ["empty"], store=tmp_path)} != {plan.building}
+    monkeypatch.setattr("layoutexplore.__version__", "999")
+    assert {row.building for row in registration_rows(plan, ["empty"], store=tmp_path)} == {plan.building}
+
+
 @pytest.mark.parametrize("text", ["", "{}", "[{}]", "[1]", '[{"plan": "x", "error": null}]'])
 def test_a_damaged_file_of_rows_is_told(text: str, tmp_path: Path) -> None:
     plan = load_plan("apartment-01")
