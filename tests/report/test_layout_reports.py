@@ -239,7 +239,7 @@ def test_a_room_is_drawn_with_what_is_right_wrong_and_missed(snapshots: list[Sna
 def test_partial_rooms_page(tmp_path: Path) -> None:
     save_plan(floorplan_from_ascii(OFFICES, resolution=0.7, name="flat & <odd>"), tmp_path / "flat.geojson")
     out = tmp_path / "deep" / "report"
-    asked = "-p none -p layout -p oracle -s short".split()
+    asked = ["-p", "none", "-p", "layout", "-p", "oracle", "-s", "short"]
     arguments = [str(tmp_path / "flat.geojson"), *asked, "--out", str(out)]
     result = CliRunner().invoke(app, ["evaluate", "partial-rooms", *arguments])
     assert result.exit_code == 0, result.output
