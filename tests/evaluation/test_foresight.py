@@ -64,7 +64,7 @@ def test_the_command_goes_on_where_it_was(tmp_path: Path) -> None:
     assert 0.3 < float(lines[0]["d99"]) < 1.0
     assert ALL in (out / "foresight.md").read_text(encoding="utf-8")
     before = (out / "runs" / "results.csv").read_bytes()
-    assert CliRunner().invoke(cli.app, [*arguments, "--jobs", "1"]).exit_code == 0
+    assert CliRunner().invoke(cli.app, [*arguments, "-s", "indoor", "--jobs", "1"]).exit_code == 0
     assert (out / "runs" / "results.csv").read_bytes() == before
 
 

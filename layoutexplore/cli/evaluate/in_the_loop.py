@@ -15,6 +15,7 @@ from layoutexplore.cli.evaluate.options import (
     Starts,
     Workers,
     asked_predictors,
+    asked_sensors,
 )
 from layoutexplore.cli.evaluate.partial_rooms import judge_explorations
 from layoutexplore.files import check_places
@@ -64,18 +65,16 @@ def in_the_loop(
     from layoutexplore.maps.library import cached_plan, find_plans
     from layoutexplore.processes import command_line
     from layoutexplore.report.in_the_loop import write_in_the_loop_report
-    from layoutexplore.sensing.lidar import sensor as find_sensor
-    from layoutexplore.training.explorations import SENSORS
 
     require("jinja2", "bench")
     check_places(out)
-    sensors = [find_sensor(name).name for name in sensor or SENSORS]
+    sensors = asked_sensors(sensor)
     predictors = asked_predictors(predictor or PREDICTORS)
     sources = find_plans(plans)
     config = BenchmarkConfig(
         plans=tuple(sources),
         starts=starts,
-        sensors=tuple(sensors),
+        sensors=sensors,
         agents=(BASELINE, *map(driver_of, predictors)),
         explain=False,
     )

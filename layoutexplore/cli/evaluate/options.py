@@ -44,6 +44,14 @@ def asked_predictors(specs: Iterable[str]) -> dict[str, RoomPredictor]:
     return found
 
 
+def asked_sensors(names: Iterable[str] | None) -> tuple[str, ...]:
+    """The names of sensors, each once; those of all studies where none is named."""
+    from layoutexplore.sensing.lidar import sensor
+    from layoutexplore.training.explorations import SENSORS
+
+    return tuple(dict.fromkeys(sensor(name).name for name in names or SENSORS))
+
+
 def write_numbers(path: Path | None, numbers: dict[str, Any], indent: int | None = 1) -> None:
     """Write what `--json` asks for, if it was given, and say so."""
     if path is not None:

@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.options import FloorPlans, JsonFile, Sensors, asked_predictors, write_numbers
+from layoutexplore.cli.evaluate.options import (
+    FloorPlans,
+    JsonFile,
+    Sensors,
+    asked_predictors,
+    asked_sensors,
+    write_numbers,
+)
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -81,13 +88,12 @@ def partial_rooms(
     from layoutexplore.predictors import predictor_names
     from layoutexplore.processes import command_line
     from layoutexplore.report.partial_rooms import Gallery, write_partial_rooms_report
-    from layoutexplore.sensing.lidar import sensor as find_sensor
-    from layoutexplore.training.explorations import SENSORS, protocol_explorations
+    from layoutexplore.training.explorations import protocol_explorations
 
     if out is not None:
         require("jinja2", "bench")
     check_places(out, json_file, snapshots=snapshots)
-    sensors = list(dict.fromkeys(find_sensor(name).name for name in sensor or SENSORS))
+    sensors = asked_sensors(sensor)
     predictors = asked_predictors(predictor or predictor_names())
     taken = (
         snapshot

@@ -16,6 +16,7 @@ from layoutexplore.cli.evaluate.options import (
     Starts,
     Workers,
     asked_predictors,
+    asked_sensors,
 )
 from layoutexplore.cli.evaluate.partial_rooms import judge_explorations
 from layoutexplore.files import check_places
@@ -56,13 +57,11 @@ def robustness(
     from layoutexplore.maps.library import find_plans
     from layoutexplore.processes import command_line
     from layoutexplore.report.robustness import write_robustness_report
-    from layoutexplore.sensing.lidar import sensor as find_sensor
-    from layoutexplore.training.explorations import SENSORS
 
     require("jinja2", "bench")
     check_places(out)
     sources, names = find_plans(plans), tuple(dict.fromkeys(agents or AGENTS))
-    sensors = [find_sensor(name).name for name in sensor or SENSORS]
+    sensors = asked_sensors(sensor)
     levels, named = chosen_levels(level), [] if agents_only else predictor or ["layout"]
     asked = asked_predictors(named)
     rows = {each: _explore(each, sources, names, sensors, starts, out, jobs) for each in levels}
