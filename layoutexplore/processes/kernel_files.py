@@ -8,13 +8,18 @@ from typing import Any
 from numba.core.caching import IndexDataCacheFile
 
 
+_PARTS = ("save", "_dump", "_data_name", "_save_data", "_save_index", "_load_index")
+
+
 def keep_kernels_apart() -> None:
     """From now on, kernels are written into files that are named by what they were compiled for.
 
     Numba counts them: where two processes compile a kernel for different types at once, both may take one
-    number, and the index leads from the types of the one to the code for those of the other, for ever.
+    number, and the index leads from the types of the one to the code for those of the other, for ever. A
+    numba that is built otherwise stays as it is.
     """
-    IndexDataCacheFile.save = _save
+    if all(hasattr(IndexDataCacheFile, name) for name in _PARTS):
+        IndexDataCacheFile.save = _save
 
 
 def _save(cache: Any, key: Any, data: Any) -> None:
