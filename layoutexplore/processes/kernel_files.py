@@ -7,7 +7,6 @@ from typing import Any
 
 from numba.core.caching import IndexDataCacheFile
 
-
 _PARTS = ("save", "_dump", "_data_name", "_save_data", "_save_index", "_load_index")
 
 
