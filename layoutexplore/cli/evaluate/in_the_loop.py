@@ -124,7 +124,8 @@ def _print(scores: Sequence[LoopScore]) -> None:
     from layoutexplore.report.templates import number, percent
 
     heads = ("MCC", "hidden IoU", "leftover", "ms", "d95", "d99")
-    typer.echo(f"{'predictor':<28}" + "".join(f"{head:>18}" for head in heads))
+    wide = max([28, *(len(score.predictor) + 1 for score in scores)])
+    typer.echo(f"{'predictor':<{wide}}" + "".join(f"{head:>18}" for head in heads))
     for s in scores:
         ways = [f"{w:.2f}" if w else "-" for w in (s.d95, s.d99)]
         values = [
@@ -134,4 +135,4 @@ def _print(scores: Sequence[LoopScore]) -> None:
             number(s.ms, 1),
             *ways,
         ]
-        typer.echo(f"{s.predictor:<28}" + "".join(f"{value:>18}" for value in values))
+        typer.echo(f"{s.predictor:<{wide}}" + "".join(f"{value:>18}" for value in values))

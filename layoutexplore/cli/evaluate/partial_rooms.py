@@ -180,7 +180,8 @@ def _print(what: str, stratum: str, summary: dict[str, Any], columns: Sequence[s
     """One line a stratum and predictor, the predictors of a stratum below each other."""
     lines = [(line[stratum], name, line) for name, part in summary.items() for line in part[what]]
     order = list(dict.fromkeys(name for name, _, _ in lines))
-    typer.echo(f"{stratum:<10}{'predictor':<15}" + "".join(f"{column:>19}" for column in columns))
+    wide = max([15, *(len(name) + 1 for name in summary)])
+    typer.echo(f"{stratum:<10}{'predictor':<{wide}}" + "".join(f"{column:>19}" for column in columns))
     for level, name, line in sorted(lines, key=lambda entry: order.index(entry[0])):
-        typer.echo(f"{level:<10}{name:<15}" + "".join(f"{_shown(line[c]):>19}" for c in columns))
+        typer.echo(f"{level:<10}{name:<{wide}}" + "".join(f"{_shown(line[c]):>19}" for c in columns))
     typer.echo("")
