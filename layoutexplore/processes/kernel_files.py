@@ -18,7 +18,7 @@ def keep_kernels_apart() -> None:
     numba that is built otherwise stays as it is.
     """
     if all(hasattr(IndexDataCacheFile, name) for name in _PARTS):
-        IndexDataCacheFile.save = _save
+        IndexDataCacheFile.save = _save  # type: ignore[method-assign]
 
 
 def _save(cache: Any, key: Any, data: Any) -> None:
