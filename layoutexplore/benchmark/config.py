@@ -38,6 +38,12 @@ QUICK_AGENTS = (
 BASELINE = "nearest"
 """Who the others are compared with when nobody is named."""
 
+_INSTEAD = {
+    "plans": ": save_plan(plan, 'plan.geojson') writes a floor plan into a file, whose path is given",
+    "sensors": ": lidars={'mine': LidarConfig(...)} gives a sensor a name",
+}
+"""What is done with an object where a name is asked for."""
+
 STARTS, LIMIT = Rule(kind=int, low=1, high=10_000), Rule(low=0.0, high=1e9)
 
 
@@ -92,7 +98,9 @@ class BenchmarkConfig:
                 raise ConfigError(f"{name} must be a list, got {shortened(given)}")
             values = tuple(value if isinstance(value, str) else _name_of(name, value) for value in given)
             if unnamed := [value for value in values if not isinstance(value, str)]:
-                raise ConfigError(f"{name} are given by name, got {shortened(unnamed[0])}")
+                raise ConfigError(
+                    f"{name} are given by name, got {shortened(unnamed[0])}{_INSTEAD.get(name, '')}"
+                )
             object.__setattr__(self, name, values)
             if not values:
                 raise ConfigError(f"a benchmark needs at least one of {name}")

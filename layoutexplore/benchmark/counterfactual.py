@@ -27,6 +27,7 @@ from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import PATHS, STOP, Agent, Choice, Decision, path_of
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import remaining_share
+from layoutexplore.frontiers.walks import plain_choice
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, shows_shapes
 from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import Cell, OccupancyGrid
@@ -232,7 +233,7 @@ class CounterfactualRollouts:
         try:
             twin = copy.deepcopy(self._agent)
             self._restore()
-            choice = twin.act(decision)
+            choice = plain_choice(twin.act(decision))
         except (Exception, SystemExit) as error:
             if asked_to_stop():
                 raise

@@ -336,9 +336,12 @@ def _results(
     config: BenchmarkConfig, folder: ResultsFolder, tasks: list[Task], code: OwnCode, jobs: int, cluster: str
 ) -> Iterator[Row]:
     run = functools.partial(run_task, config=config, folder=folder, code=code)
-    killed = f"WorkerDied: the process of this run was killed {config.tries} times (out of memory?)"
+    killed = (
+        f"WorkerDied: the process of this run ended {config.tries} times, by a crash or an exit of the "
+        "agent's own code, or killed (out of memory?)"
+    )
     if config.cell_mb:
-        killed += f"; most likely {_beyond_memory(config, taken_megabytes())}"
+        killed += f"; if it was memory, {_beyond_memory(config, taken_megabytes())}"
     late = f"CellTimeoutError: the run took longer than the {config.cell_seconds:g} s that it may"
     lost = functools.partial(_failed_row, config=config, folder=folder, message=killed)
     too_late = functools.partial(_failed_row, config=config, folder=folder, message=late)

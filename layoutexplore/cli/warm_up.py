@@ -32,10 +32,11 @@ def warm_up_kernels() -> None:
     from layoutexplore.processes.compilation import LISTENER
 
     began = time.monotonic()
-    steps = list(warm_up_steps())
     console = plain_console()
     LISTENER.is_silent = True  # the bar says it
     with ProgressLine(console, "steps") as line:
+        line.advance(0, 1, 0.0, "a floor plan")
+        steps = list(warm_up_steps())
         for done, (name, step) in enumerate(steps):
             line.advance(done, len(steps), done / len(steps), name)
             step()

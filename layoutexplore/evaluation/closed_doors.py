@@ -131,7 +131,8 @@ def evaluate(
         yield from spread(partial(evaluate_triple, resolution=resolution, out=out), triples)
 
 
-def _whole(floor: str) -> str:
+@checks_arguments
+def whole_building(floor: str) -> str:
     """The building of a floor; a name of digits alone is that of a building."""
     return building_of(floor, "closed doors") or floor
 
@@ -147,7 +148,7 @@ def held_out_groups(triples: Sequence[Triple], folds: int) -> int:
     Raises:
         ConfigError: Fewer than two are wanted, or the maps are of one building.
     """
-    count = len({_whole(t.building) for t in triples})
+    count = len({whole_building(t.building) for t in triples})
     if folds < 2 or count < 2:
         raise ConfigError(
             "to hold buildings out takes two folds and two buildings at least: got "
@@ -181,7 +182,7 @@ def cross_validate_closed_doors(
     from layoutexplore.training.closed_doors import fit
     from layoutexplore.training.folds import deal_folds
 
-    buildings = [_whole(t.building) for t in triples]
+    buildings = [whole_building(t.building) for t in triples]
     fold = deal_folds(buildings, held_out_groups(triples, folds), "given")
     models: dict[int, Models] = {}
     for triple, building in zip(triples, buildings, strict=True):
@@ -222,7 +223,7 @@ def _lines(group: str, scores: Sequence[PairScore]) -> list[dict[str, Any]]:
 
 
 def _line(group: str, method: str, pairs: Sequence[PairScore], scores: Sequence[Score]) -> dict[str, Any]:
-    clusters = [_whole(p.building) for p in pairs]
+    clusters = [whole_building(p.building) for p in pairs]
     iou = [s.iou for s in scores]
     line: dict[str, Any] = {"group": group, "method": method, "maps": len(pairs)}
     line["before"] = float(np.mean([p.before for p in pairs]))

@@ -17,7 +17,7 @@ from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import checks_arguments
-from layoutexplore.processes import peak_memory
+from layoutexplore.processes import peak_memory, usable_cores
 from layoutexplore.speed.measurement import SpeedRow
 
 CELLS = 400_000
@@ -54,8 +54,8 @@ def engines() -> Iterator[SpeedRow]:
         name=f"efficiency of {JOBS} processes",
         ours=efficiency,
         unit="",
-        goal=">= 0.8",
-        reached=efficiency / 0.8,
+        goal=f">= 0.8 on {JOBS} cores",
+        reached=efficiency / 0.8 if usable_cores() >= JOBS else None,
         note=f"{1e3 * alone:.0f} ms a run with one process, {1e3 * shared:.0f} ms with {JOBS}, once warm",
     )
 

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import METRICS, compare
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import checks_arguments
+from layoutexplore.evaluation.in_the_loop import driver_of
 from layoutexplore.metrics.statistics import Interval
 
 REFERENCE = "layout-tour"
@@ -56,7 +56,7 @@ def explorer_with(predictor: str) -> str:
         >>> explorer_with("oracle:horizon=2")
         'plan-tour:predictor=oracle:horizon=2'
     """
-    return make_agent(f"{PLANNER}:predictor={predictor}").name
+    return driver_of(predictor, PLANNER)
 
 
 @checks_arguments

@@ -47,14 +47,18 @@ class LoopScore:
 
 
 @checks_arguments
-def driver_of(predictor: str) -> str:
+def driver_of(predictor: str, driver: str = DRIVER) -> str:
     """The agent that explores with a predictor, by the name that it has in results.
+
+    Args:
+        predictor: Its name; commas between its options would end it inside the agent's.
+        driver: The strategy.
 
     Example:
         >>> driver_of("reconstruct:rose2"), driver_of("layout")
         ('layout-tour:predictor=reconstruct:rose2', 'layout-tour')
     """
-    return make_agent(f"{DRIVER}:predictor={predictor}").name
+    return make_agent(f"{driver}:predictor={predictor.replace(',', ';')}").name
 
 
 @checks_arguments

@@ -9,7 +9,7 @@ and by the decision that saves metres: closed, with less than 1 m2 left.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,28 +117,36 @@ class Scores:
 
 @checks_arguments
 def score_predictors(
-    snapshots: Iterable[Snapshot], predictors: Sequence[RoomPredictor], watch: Watch | None = None
+    snapshots: Iterable[Snapshot],
+    predictors: Sequence[RoomPredictor] | Mapping[str, RoomPredictor],
+    watch: Watch | None = None,
 ) -> Scores:
     """Ask every predictor about every snapshot.
 
     Args:
         snapshots: What is asked.
-        predictors: Who is asked.
+        predictors: Who is asked; by what scores call them, or each by its own name.
         watch: Told of every room that is scored, to draw some.
+
+    Raises:
+        ConfigError: Two predictors have one name.
     """
-    scores = Scores([], [], {p.name: [] for p in predictors})
+    named = predictors if isinstance(predictors, Mapping) else {p.name: p for p in predictors}
+    if len(named) < len(predictors):
+        raise ConfigError("two of the predictors have one name: give them by names that tell them apart")
+    scores = Scores([], [], {name: [] for name in named})
     for snapshot in snapshots:
         items = find_items(snapshot)
-        for predictor in predictors:
+        for name, predictor in named.items():
             if isinstance(predictor, Privileged):
                 predictor.reveal(snapshot.truth)
             begin = time.perf_counter()
             judged = predictor.predict(snapshot.decision)
-            scores.milliseconds[predictor.name].append(1000 * (time.perf_counter() - begin))
-            scores.frontiers.extend(_score_frontiers(snapshot, judged, predictor.name))
+            scores.milliseconds[name].append(1000 * (time.perf_counter() - begin))
+            scores.frontiers.extend(_score_frontiers(snapshot, judged, name))
             rooms = predictor.rooms(snapshot.decision)
             for item in items:
-                scores.rooms.append(_score_room(snapshot, item, rooms, predictor.name))
+                scores.rooms.append(_score_room(snapshot, item, rooms, name))
                 if watch:
                     watch(snapshot, item, rooms, scores.rooms[-1])
     return scores

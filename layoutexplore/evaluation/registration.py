@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+import layoutexplore
 from layoutexplore.agents import make_agent
 from layoutexplore.errors import ConfigError, ResultsError, checks_arguments
 from layoutexplore.files import atomic, read_json, safe_name
@@ -24,7 +25,7 @@ from layoutexplore.maps.library import load_plan
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.priors.confidence import FEATURES, features_of, shipped_model
-from layoutexplore.priors.presets import StudyPrior, study_prior
+from layoutexplore.priors.presets import StudyPrior, digest_of_others, study_prior
 from layoutexplore.priors.registration import Registration
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
@@ -91,14 +92,15 @@ def registration_rows(
         sensor: Of the robot.
         seed: Of the start, and of the prior plans.
         among: Where presets find other floors and buildings; a kind for which there is none is left out.
-        store: Folder where rows are kept; those that are there already are read, unless their features were
-            others.
+        store: Folder where rows are kept; those that are there already are read, unless another
+            version made them, their features were others, or the files of `among` have changed.
 
     Raises:
         ResultsError: A file of rows is damaged.
     """
-    others = f"_{hashlib.sha256(among.encode()).hexdigest()[:8]}" if among else ""
-    name = f"{safe_name(plan.name)}_{plan.raster_hash[:8]}_{sensor}_{seed}{others}.json"
+    made_by = f"{layoutexplore.__version__} {among} {digest_of_others(among)}"
+    key = hashlib.sha256(made_by.encode()).hexdigest()[:8]
+    name = f"{safe_name(plan.name)}_{plan.raster_hash[:8]}_{sensor}_{seed}_{key}.json"
     path = store and store / name
     kept: dict[str, list[RegistrationRow]] = {}
     if path and is_there(path):

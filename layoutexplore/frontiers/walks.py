@@ -5,13 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontiers.decision import CellPath, Walk
+from layoutexplore.frontiers.decision import CellPath, Choice, Walk
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import Cell
 from layoutexplore.planning.shortest_paths import check_path
 
 NO_SIGHTS = np.empty((0, 2), np.int32)
 """Of a path that is followed to its end: int32 (0, 2)."""
+
+
+def plain_choice(choice: Choice) -> Choice:
+    """A choice as it is; that of a policy whose answer is an array of one number, shape (), as a number."""
+    return choice.item() if isinstance(choice, np.ndarray) and choice.ndim == 0 else choice
 
 
 def checked_walk(choice: CellPath | Walk, here: Cell, shape: tuple[int, int]) -> Walk:

@@ -4,9 +4,13 @@ import contextlib
 
 from layoutexplore.processes.compilation import tell_of_compilation
 
-# A numba that has its code elsewhere only needs more memory.
+# A numba that has its code elsewhere keeps kernels in its own ways, with more memory.
 with contextlib.suppress(ImportError):
     from layoutexplore.processes.kernel_memory import keep_kernels_lean
 
     keep_kernels_lean()
+with contextlib.suppress(ImportError):
+    from layoutexplore.processes.kernel_files import keep_kernels_apart
+
+    keep_kernels_apart()
 tell_of_compilation()

@@ -27,7 +27,7 @@ from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_clas
 from layoutexplore.priors.completion import PlanOnMap
 from layoutexplore.priors.confidence import confidence
 from layoutexplore.priors.plan import PriorHints, PriorPlan
-from layoutexplore.priors.presets import PRESETS, study_prior
+from layoutexplore.priors.presets import OF_OTHERS, PRESETS, digest_of_others, study_prior
 from layoutexplore.priors.reading import read_prior
 from layoutexplore.priors.registration import Registration
 
@@ -47,6 +47,8 @@ HINTS = ("scale", "rotation", "mirror", "here")
 @checks_calls
 class PriorPredictor:
     """Rooms, classes and foresight by a plan known beforehand.
+
+    It follows one run: explorations side by side need one each.
 
     Args:
         source: A plan that has been read; or a floor plan or picture by name; or a preset of
@@ -98,8 +100,11 @@ class PriorPredictor:
 
     @property
     def fingerprint(self) -> str:
-        """Of the models of the shipped predictor, and of the plan."""
-        plan = "" if self._prior is None else fingerprint_of(self._prior)
+        """Of the models of the shipped predictor, and of the plan or the files that it is chosen from."""
+        if self._prior is not None:
+            plan = fingerprint_of(self._prior)
+        else:
+            plan = digest_of_others(self._among) if self._source in OF_OTHERS else ""
         return f"{self._shipped.fingerprint}{plan}"
 
     def reveal(self, truth: Truth) -> None:

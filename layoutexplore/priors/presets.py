@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,10 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import ConfigError, MapError, unknown_name
-from layoutexplore.files.reading import is_there
+from layoutexplore.files.reading import fingerprint, is_file, is_there
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.library import find_plans, load_plan, plan_names
+from layoutexplore.maps.library import find_plans, load_plan, plan_names, source_files
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
 from layoutexplore.priors.plan import PriorPlan, with_doors_to_all, with_expected_scale
 from layoutexplore.priors.reading import prior_of_picture
@@ -40,6 +41,9 @@ PRESETS: dict[str, SpoilConfig] = {
     "empty": SpoilConfig(),
 }
 """What is wrong in each; "rough" is drawn as an evacuation plan and read from the picture."""
+
+OF_OTHERS = ("other-floor", "wrong")
+"""Presets that show another floor than that of the run."""
 
 SCALES = (0.5, 2.0)
 """A study's plan forgets its scale: its lengths are multiplied by a factor between these."""
@@ -83,10 +87,26 @@ def study_prior(kind: str, plan: FloorPlan, seed: int, *, among: str = "") -> St
         return StudyPrior(
             PriorPlan(name="empty", free=nothing, room_ids=nothing.astype(np.int32), resolution=0.1)
         )
-    shown = plan if kind not in ("other-floor", "wrong") else _other(kind, plan, rng, among)
+    shown = plan if kind not in OF_OTHERS else _other(kind, plan, rng, among)
     spoiled = spoil(shown, PRESETS[kind], rng)
     made = _from_picture(spoiled, rng) if kind == "rough" else _unscaled(kind, spoiled, rng)
     return made if shown is plan else StudyPrior(made.prior)
+
+
+def digest_of_others(among: str) -> str:
+    """Changes with the files that `OF_OTHERS` choose from; empty where none is named.
+
+    Args:
+        among: As of `study_prior`; errors, too.
+    """
+    files = [file for source in _sources(among) for file in source_files(source) if is_file(file)]
+    with suppress(OSError):  # one that cannot be read is not chosen
+        return fingerprint(files) if files else ""
+    return ""
+
+
+def _sources(among: str) -> tuple[str, ...]:
+    return tuple(find_plans(among.split("+")) if among else plan_names("train"))
 
 
 def _unscaled(kind: str, spoiled: SpoiledPlan, rng: np.random.Generator) -> StudyPrior:
@@ -130,7 +150,7 @@ def _from_picture(spoiled: SpoiledPlan, rng: np.random.Generator) -> StudyPrior:
 
 def _other(kind: str, plan: FloorPlan, rng: np.random.Generator, among: str) -> FloorPlan:
     """Another floor of the building, or one of another building that is about as large."""
-    sources = tuple(find_plans(among.split("+"))) if among else tuple(plan_names("train"))
+    sources = _sources(among)
     others = []
     for source, name, building, area in _index(sources):
         same = building == plan.building

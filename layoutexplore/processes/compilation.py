@@ -13,7 +13,7 @@ PATIENCE = 1.0
 """Seconds of compiling that pass without a word."""
 
 MESSAGE = (
-    "layoutexplore: compiling kernels; this happens once, and takes about a minute in all "
+    "layoutexplore: compiling kernels; this happens once, and takes some minutes for all of them "
     "(layoutexplore warm-up does it beforehand)"
 )
 

@@ -12,12 +12,12 @@ import numpy as np
 
 from layoutexplore.drawing import palette
 from layoutexplore.errors import checks_arguments
-from layoutexplore.evaluation.closed_doors import PairScore, Score
+from layoutexplore.evaluation.closed_doors import PairScore, Score, whole_building
 from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes, Cells, Mask, check_alike
+from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.ros_map import encode_png
-from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.closed_door_maps import Triple, read_cells
 from layoutexplore.report.templates import png_uri, render
 
@@ -83,10 +83,8 @@ def draw_panels(triple: Triple, folder: Path) -> list[tuple[str, Bytes]]:
         if path is not None:
             panels.append((name, draw_map(cells, (read_cells(path, shape) == FREE) & ~seen, truth)))
     panels.append(("truth", draw_map(np.where(truth & ~seen, cells, truth_cells), nothing, truth)))
-    rows, cols = (
-        np.flatnonzero((truth_cells == OCCUPIED).any(axis=axis) | truth.any(axis=axis)) for axis in (1, 0)
-    )
-    part = np.s_[max(rows[0] - 8, 0) : rows[-1] + 9, max(cols[0] - 8, 0) : cols[-1] + 9]
+    row0, row1, col0, col1 = known_box(truth_cells, 8)
+    part = np.s_[row0 : row1 or None, col0 : col1 or None]  # all of a truth that shows nothing
     return [(name, np.ascontiguousarray(image[part])) for name, image in panels]
 
 
@@ -137,7 +135,7 @@ def write_closed_doors_report(
         ours=overall.get(("with a reference", "ours")) or overall["all maps", "ours"],
         reference=overall.get(("with a reference", "reference")),
         cards=cards,
-        buildings=len({building_of(score.building, "closed doors") for score in scores}),
+        buildings=len({whole_building(score.building) for score in scores}),
         command=command,
         note=note[:1].upper() + note[1:].rstrip("."),
     )

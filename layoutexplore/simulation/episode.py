@@ -13,6 +13,7 @@ import numpy as np
 
 from layoutexplore.errors import ConfigError, LayoutExploreError, checks_making, shortened
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
+from layoutexplore.frontiers.walks import plain_choice
 from layoutexplore.grids.arrays import Floats, shows_shapes
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
@@ -134,7 +135,7 @@ def play(
         if asked_beside:
             asked_beside.before(agent)
         asked = time.perf_counter()
-        choice = agent.act(decision)
+        choice = plain_choice(agent.act(decision))
         took.append(1000 * (time.perf_counter() - asked))
         if timed:
             predictions.append(timed.ms - predicted)

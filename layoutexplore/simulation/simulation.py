@@ -21,7 +21,7 @@ from layoutexplore.errors import ConfigError, checks_calls, shortened
 from layoutexplore.frontiers.decision import PATHS, STOP, Choice, Decision, Predictor, Privileged, Truth
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import cells_in_view, facing, remaining_share
-from layoutexplore.frontiers.walks import NO_SIGHTS, checked_walk
+from layoutexplore.frontiers.walks import NO_SIGHTS, checked_walk, plain_choice
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.maps.floorplan import FloorPlan
@@ -128,7 +128,7 @@ class Simulation:
             ConfigError: The run is over, there is no such frontier, the path jumps, or sights lie outside.
         """
         self._check_running()
-        decision, state = self.decision, self.state
+        decision, state, choice = self.decision, self.state, plain_choice(choice)
         if isinstance(choice, PATHS):
             walk = checked_walk(choice, self._here(), self.mapper.grid.shape)
             state.begin_step(walk if len(walk.sights) else walk.path, goal=None)

@@ -28,6 +28,9 @@ AREAS = (1000.0, 1750.0, 2350.0)
 The one in the middle is the one that all backends run on.
 """
 
+CORES = 2
+"""Goals are meant for so many: fewer may miss them."""
+
 _ID = "LayoutExplore/Frontier-v0"
 _ENVIRONMENTS, _TURNS = 8, 2
 _MAPLESS: dict[str, Any] = {"local_map": False, "global_map": False}
@@ -103,14 +106,14 @@ def _race(setting: _Setting, plan: FloorPlan, *, everybody: bool) -> Iterator[Sp
     rates = _rates(setting, {"plan": plan} | setting.options, own, references=everybody)
     for label in own:
         reference = "" if not everybody else "AsyncVectorEnv" if "process" in label else "SyncVectorEnv"
-        last = setting.goal > 0 and label == _processes(cores)
+        last = setting.goal > 0 and label == _processes(cores) and cores >= CORES
         yield SpeedRow(
             name=f"vector, {setting.name}, {plan.area:.0f} m2, {label}",
             ours=rates[label],
             unit="decisions/s",
             reference=rates[reference] if reference else None,
             reference_name=reference,
-            goal=f">= {setting.goal:.0f} on 2 cores" if last else "",
+            goal=f">= {setting.goal:.0f} on {CORES} cores" if last else "",
             reached=rates[label] / setting.goal if last else None,
         )
 

@@ -9,6 +9,8 @@ import pytest
 
 from layoutexplore.benchmark.config import BenchmarkConfig, read_benchmark_config, simulation_of_file
 from layoutexplore.errors import ConfigError
+from layoutexplore.maps.library import load_plan
+from layoutexplore.sensing.lidar import sensor
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import run_seed
 
@@ -107,3 +109,12 @@ def test_many_plans_are_compared_soon() -> None:
     assert len(BenchmarkConfig(plans=names).plans) == 100_000
     with pytest.raises(ConfigError, match="plans names 'office:7' twice"):
         BenchmarkConfig(plans=[*names, "office:7"])
+
+
+def test_objects_instead_of_names_are_refused_with_what_to_do() -> None:
+    for options, said in (
+        ({"plans": [load_plan("office-01")]}, "save_plan"),
+        ({"sensors": [sensor("stage")]}, "lidars="),
+    ):
+        with pytest.raises(ConfigError, match=said):
+            BenchmarkConfig(**options)

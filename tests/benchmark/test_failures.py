@@ -121,7 +121,11 @@ def test_a_crash_names_the_command_that_repeats_it(
             "CellMemoryError: the run took more than the 200 MB (cell_mb)",
             1,
         ),
-        ("__import__('os')._exit(1)", "WorkerDied: the process of this run was killed 2 times", 3),
+        (
+            "__import__('os')._exit(1)",
+            "WorkerDied: the process of this run ended 2 times, by a crash or an exit of",
+            3,
+        ),
     ],
 )
 def test_a_run_beyond_its_memory_says_how_much_it_may_take(

@@ -56,3 +56,22 @@ def test_folds_that_cannot_be_dealt_are_refused_before_anything_is_learnt(
     arguments = ["evaluate", "closed-doors", str(closed_door_maps), "--out", str(tmp_path), "--folds", folds]
     result = CliRunner().invoke(app, [*arguments, "--no-report"])
     assert isinstance(result.exception, ConfigError) and "two buildings at least" in str(result.exception)
+
+
+@pytest.mark.parametrize("option", ["--plans", "--cache"])
+def test_options_of_training_without_folds_are_refused(
+    closed_door_maps: Path, tmp_path: Path, option: str
+) -> None:
+    arguments = [
+        "evaluate",
+        "closed-doors",
+        str(closed_door_maps),
+        "--out",
+        str(tmp_path),
+        option,
+        "office-01",
+    ]
+    result = CliRunner().invoke(app, arguments)
+    assert isinstance(result.exception, ConfigError) and f"{option} is about training" in str(
+        result.exception
+    )

@@ -281,7 +281,7 @@ def test_what_is_missing_is_said_clearly(tmp_path: Path) -> None:
         assert isinstance(result.exception, ConfigError) and "columns map and building" in str(
             result.exception
         )
-    for options in (["--seeds", "2"], ["--weight", "x=2"], ["--plans", "office-01"]):
+    for options in (["--seeds", "2"], ["--weight", "x=2"], ["--plans", "office-01"], ["--simulated", "9"]):
         draw(tmp_path, "map1")
         result = runner.invoke(app, ["evaluate", "segmentation", str(tmp_path), *options])
         assert isinstance(result.exception, ConfigError) and "--folds" in str(result.exception)

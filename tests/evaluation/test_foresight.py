@@ -49,6 +49,10 @@ def test_metres_are_those_of_the_reference_in_the_same_cell() -> None:
     assert foresight_table(list(lines.values())).count("\n") == 2 + len(lines)
 
 
+def test_a_predictor_may_have_several_options() -> None:
+    assert explorer_with("oracle:flip=0.5,horizon=1") == "plan-tour:predictor=oracle:flip=0.5;horizon=1"
+
+
 def test_the_command_goes_on_where_it_was(tmp_path: Path) -> None:
     plan, out = tmp_path / "offices.geojson", tmp_path / "out"
     save_plan(offices(), plan)
@@ -60,7 +64,7 @@ def test_the_command_goes_on_where_it_was(tmp_path: Path) -> None:
     assert 0.3 < float(lines[0]["d99"]) < 1.0
     assert ALL in (out / "foresight.md").read_text(encoding="utf-8")
     before = (out / "runs" / "results.csv").read_bytes()
-    assert CliRunner().invoke(cli.app, [*arguments, "--jobs", "1"]).exit_code == 0
+    assert CliRunner().invoke(cli.app, [*arguments, "-s", "indoor", "--jobs", "1"]).exit_code == 0
     assert (out / "runs" / "results.csv").read_bytes() == before
 
 

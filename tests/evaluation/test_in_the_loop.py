@@ -84,6 +84,23 @@ def test_the_command_writes_a_page_and_goes_on(tmp_path: Path) -> None:
     )  # no run was repeated
 
 
+def test_predictors_with_several_options_or_a_name_of_their_own_drive(tmp_path: Path) -> None:
+    plan, out, own = tmp_path / "offices.geojson", tmp_path / "out", tmp_path / "own.py"
+    save_plan(offices(), plan)
+    own.write_text(
+        "class Mine:\n    name = 'mine'\n"
+        "    def rooms(self, decision):\n        return (decision.grid.cells == 0).astype(int)\n"
+    )
+    specs = ["oracle:flip=0.5,horizon=1", f"{own}:Mine"]
+    arguments = [str(plan), "--out", str(out), "--starts", "1", "-s", "indoor", "--jobs", "1"]
+    result = CliRunner().invoke(
+        cli.app, ["evaluate", "in-the-loop", *arguments, *(f"--predictor={spec}" for spec in specs)]
+    )
+    assert result.exit_code == 0, result.output
+    lines = {line["predictor"]: line for line in csv.DictReader((out / "in-the-loop.csv").open())}
+    assert set(lines) == set(specs) and all(float(line["d95"]) > 0 for line in lines.values())
+
+
 def test_failed_runs_are_named_and_the_command_says_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

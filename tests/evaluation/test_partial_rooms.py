@@ -6,6 +6,7 @@ The oracle is perfect, seeing alone is nothing, stored snapshots are the same.
 from __future__ import annotations
 
 import json
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ from typer.testing import CliRunner
 
 from layoutexplore import cli
 from layoutexplore.agents import make_agent
+from layoutexplore.errors import ConfigError
 from layoutexplore.evaluation.partial_rooms import find_items, score_predictors
 from layoutexplore.evaluation.partial_rooms_summary import (
     calibration_error,
@@ -98,3 +100,26 @@ def test_command(plan: FloorPlan, tmp_path: Path) -> None:
     rooms = json.loads(found.read_text())["rooms"]
     result = CliRunner().invoke(cli.app, ["evaluate", "partial-rooms", *arguments, "-s", "short"])
     assert result.exit_code == 0 and json.loads(found.read_text())["rooms"] == rooms
+
+
+def test_two_of_ones_own_predictors_with_one_name_are_told_apart(plan: FloorPlan, tmp_path: Path) -> None:
+    path, own, found = tmp_path / "flat.geojson", tmp_path / "own.py", tmp_path / "found.json"
+    save_plan(plan, path)
+    own.write_text(
+        "class Mine:\n    name = 'mine'\n    def __init__(self, size: int = 1): ...\n"
+        "    def rooms(self, decision):\n        return (decision.grid.cells == 0).astype(int)\n"
+    )
+    specs = [f"{own}:Mine", f"{own}:Mine:size=2", "layout:network=on", "layout"]
+    arguments = [str(path), "-s", "short", "--json", str(found), *(f"--predictor={spec}" for spec in specs)]
+    result = CliRunner().invoke(cli.app, ["evaluate", "partial-rooms", *arguments])
+    assert result.exit_code == 0, result.output
+    rooms = Counter(room["predictor"] for room in json.loads(found.read_text())["rooms"])
+    assert list(rooms) == [*specs[:2], "layout"] and len({*rooms.values()}) == 1
+
+
+def test_predictors_of_one_name_are_refused(snapshots: list[Snapshot]) -> None:
+    made = [make_room_predictor("none"), make_room_predictor("none")]
+    with pytest.raises(ConfigError, match="one name"):
+        score_predictors(snapshots, made)
+    twice = score_predictors(snapshots, dict(zip("ab", made, strict=True)))
+    assert list(twice.milliseconds) == ["a", "b"]

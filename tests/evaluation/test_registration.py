@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from layoutexplore import cli
 from layoutexplore.errors import ResultsError
 from layoutexplore.evaluation.registration import (
     RegistrationRow,
@@ -18,6 +20,7 @@ from layoutexplore.evaluation.registration import (
     score_registrations,
 )
 from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.library import load_plan
 from layoutexplore.priors.confidence import FEATURES
 from layoutexplore.priors.presets import StudyPrior, study_prior
@@ -60,6 +63,16 @@ def test_rows_with_other_features_are_made_anew(tmp_path: Path) -> None:
     assert [row.features for row in again] == [row.features for row in first]
 
 
+def test_rows_of_another_version_are_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan = load_plan("apartment-01")
+    registration_rows(plan, ["empty"], store=tmp_path)
+    (path,) = tmp_path.iterdir()
+    path.write_text(path.read_text().replace('"building": "', '"building": "old '))
+    assert {row.building for row in registration_rows(plan, ["empty"], store=tmp_path)} != {plan.building}
+    monkeypatch.setattr("layoutexplore.__version__", "999")
+    assert {row.building for row in registration_rows(plan, ["empty"], store=tmp_path)} == {plan.building}
+
+
 @pytest.mark.parametrize("text", ["", "{}", "[{}]", "[1]", '[{"plan": "x", "error": null}]'])
 def test_a_damaged_file_of_rows_is_told(text: str, tmp_path: Path) -> None:
     plan = load_plan("apartment-01")
@@ -73,17 +86,25 @@ def test_a_damaged_file_of_rows_is_told(text: str, tmp_path: Path) -> None:
 def test_rows_of_other_floors_are_kept_by_where_these_come_from(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked = []
+    asked: list[str] = []
 
     def prior_of(kind: str, plan: FloorPlan, seed: int, *, among: str) -> StudyPrior:
         asked.append(among)
         return study_prior("empty", plan, seed)
 
     monkeypatch.setattr("layoutexplore.evaluation.registration.study_prior", prior_of)
-    plan = load_plan("apartment-01")
-    for among in ("one", "two", "one", "", "two"):
-        assert registration_rows(plan, ["other-floor"], among=among, store=tmp_path)
-    assert asked == ["one", "two", ""]
+    plan, one, two = load_plan("apartment-01"), str(tmp_path / "one.geojson"), "apartment-02"
+    save_plan(load_plan("apartment-02"), Path(one))
+
+    def ask(*places: str) -> list[str]:
+        asked.clear()
+        for among in places:
+            assert registration_rows(plan, ["other-floor"], among=among, store=tmp_path / "rows")
+        return list(asked)
+
+    assert ask(one, two, one, "", two) == [one, two, ""]
+    save_plan(load_plan("apartment-03"), Path(one))
+    assert ask(one, two, one) == [one]
 
 
 def test_moments_are_what_had_been_seen() -> None:
@@ -113,3 +134,11 @@ def test_scores_by_kind_and_share() -> None:
 def test_no_hypothesis_is_no_confidence() -> None:
     lost = RegistrationRow(**{**row("true", 0.1, np.inf).__dict__, "features": ()})
     assert confidences([lost]).tolist() == [0.0]
+
+
+def test_what_is_named_twice_is_registered_once(tmp_path: Path) -> None:
+    arguments = ["apartment-01", "--out", str(tmp_path), *("-k", "empty", "-s", "stage") * 2]
+    result = CliRunner().invoke(cli.app, ["evaluate", "registration", *arguments])
+    assert result.exit_code == 0 and "1/1 explorations" in result.output, result.output
+    lines = [line.split("|") for line in result.output.splitlines() if line.startswith("| empty")]
+    assert lines and all(line[3].strip() == "1" for line in lines)

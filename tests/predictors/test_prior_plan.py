@@ -13,6 +13,7 @@ from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.grid import FREE, UNKNOWN
 from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.library import load_plan
 from layoutexplore.predictors import make_predictor
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.prior_plan import SURE, PriorPredictor, owners_of, predictor_of_prior
@@ -192,3 +193,14 @@ def test_foreseen_rooms_that_are_seen_as_one_are_judged_apart() -> None:
     assert owner[:2] == [0, 4] and owner[2] > 4, "most of what is seen is of the first"
     nothing = owners_of(np.zeros_like(sketch), foreseen, seen, alone=True).tolist()
     assert nothing[0] == 0 and len(set(nothing)) == 3
+
+
+def test_a_preset_of_another_floor_is_known_by_the_files_it_is_chosen_from(tmp_path: Path) -> None:
+    def prints() -> list[str]:
+        return [predictor_of_prior(f"{kind};among={tmp_path}").fingerprint for kind in ("wrong", "true")]
+
+    save_plan(load_plan("apartment-01"), tmp_path / "floor.geojson")
+    first = prints()
+    assert first[0] != predictor_of_prior("wrong").fingerprint and prints() == first
+    save_plan(load_plan("apartment-02"), tmp_path / "other.geojson")
+    assert prints()[0] != first[0] and prints()[1] == first[1]

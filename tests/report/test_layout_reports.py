@@ -239,19 +239,8 @@ def test_a_room_is_drawn_with_what_is_right_wrong_and_missed(snapshots: list[Sna
 def test_partial_rooms_page(tmp_path: Path) -> None:
     save_plan(floorplan_from_ascii(OFFICES, resolution=0.7, name="flat & <odd>"), tmp_path / "flat.geojson")
     out = tmp_path / "deep" / "report"
-    arguments = [
-        str(tmp_path / "flat.geojson"),
-        "-p",
-        "none",
-        "-p",
-        "layout",
-        "-p",
-        "oracle",
-        "-s",
-        "short",
-        "--out",
-        str(out),
-    ]
+    asked = ["-p", "none", "-p", "layout", "-p", "oracle", "-s", "short"]
+    arguments = [str(tmp_path / "flat.geojson"), *asked, "--out", str(out)]
     result = CliRunner().invoke(app, ["evaluate", "partial-rooms", *arguments])
     assert result.exit_code == 0, result.output
     html = whole(out / "report.html")
@@ -309,10 +298,15 @@ def test_partial_rooms_page_without_any_room(tmp_path: Path) -> None:
         floorplan_from_ascii("####\n#aa#\n#aa#\n####", resolution=1.5, name="hut"), tmp_path / "hut.geojson"
     )
     out = tmp_path / "out"
+    pictures = out / "pictures"
+    pictures.mkdir(parents=True)
+    for name in ("best_1.png", "best_view.png"):  # one of an earlier study, one of somebody's own
+        (pictures / name).touch()
     result = CliRunner().invoke(
         app, ["evaluate", "partial-rooms", str(tmp_path / "hut.geojson"), "-p", "none", "--out", str(out)]
     )
     assert result.exit_code == 0, result.output
+    assert [path.name for path in pictures.iterdir()] == ["best_view.png"]
     assert "No room was seen in part" in whole(out / "report.html")
     assert "no room is judged" in result.output and "nan" not in result.output
 
@@ -343,6 +337,20 @@ def test_closed_doors_page(tmp_path: Path) -> None:
     assert float(row["reference_iou"]) == 1.0
     CliRunner().invoke(app, [*arguments[:-4], "--out", str(tmp_path / "bare"), "--no-report"])
     assert not (tmp_path / "bare" / "report.html").exists()
+
+
+def test_closed_doors_page_counts_buildings_of_digits_and_shows_a_blank_truth(tmp_path: Path) -> None:
+    seen = np.full((40, 60), 205, np.uint8)
+    seen[5:35, 5:55] = 0
+    seen[7:33, 7:53] = 254
+    for name, truth in (("1", seen), ("2", seen), ("3", np.full_like(seen, 205))):
+        cv2.imwrite(str(tmp_path / f"{name}_1_doors_IN.png"), seen)
+        cv2.imwrite(str(tmp_path / f"{name}_GT.png"), truth)
+    out = tmp_path / "out"
+    result = CliRunner().invoke(app, ["evaluate", "closed-doors", str(tmp_path), "--out", str(out)])
+    assert result.exit_code == 0, result.output
+    html = whole(out / "report.html")
+    assert "<b>3</b>buildings" in html and "there are only 3" in html
 
 
 # --- charts -----

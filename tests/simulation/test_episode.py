@@ -10,9 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from layoutexplore.benchmark.counterfactual import CounterfactualRollouts
 from layoutexplore.benchmark.rows import prepare
-from layoutexplore.errors import LayoutExploreError
-from layoutexplore.frontiers.decision import Decision
+from layoutexplore.errors import ConfigError, LayoutExploreError
+from layoutexplore.frontiers.decision import STOP, Decision
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
@@ -55,6 +56,28 @@ def test_a_stuck_agent_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     simulation, _ = prepare(house(), SimulationConfig(), "nearest")
     with pytest.raises(LayoutExploreError, match="'dawdler' is stuck: 20 decisions"):
         play(simulation, Dawdler())
+
+
+def test_an_array_of_one_number_is_a_choice_as_policies_give_it() -> None:
+    class Policy:
+        name = "policy-of-my-own"
+
+        def __init__(self, choice: Any) -> None:
+            self._choice = choice
+
+        def reset(self, seed: int) -> None: ...
+
+        def act(self, decision: Decision) -> Any:
+            return self._choice
+
+    simulation, _ = prepare(house(), SimulationConfig(), "layout-tour")
+    runs = [play(simulation, Policy(choice), probe=CounterfactualRollouts) for choice in (0, np.array(0))]
+    np.testing.assert_array_equal(runs[1].track, runs[0].track)
+    simulation.reset()
+    with pytest.raises(ConfigError, match=r"there is no frontier 0\.5"):
+        simulation.step(np.array(0.5))
+    simulation.step(np.array(STOP))
+    assert simulation.stop_reason == "agent"
 
 
 STEPS = st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), min_size=1, max_size=40)

@@ -6,6 +6,7 @@ import json
 import re
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
 from layoutexplore import cli
@@ -102,7 +103,7 @@ def test_a_plan_that_is_seen_at_once_teaches_nothing(tmp_path: Path) -> None:
     assert result.exit_code == 0 and (tmp_path / "models" / FRONTIER_MODEL.name).exists(), result.output
 
 
-def test_each_source_is_left_out_in_turn(tmp_path: Path) -> None:
+def test_each_source_is_left_out_in_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wide = "\n".join(row[:20] + row[19:20] * 4 + row[20:] for row in THREE_OFFICES.strip().splitlines())
     for name, plan in (("north", THREE_OFFICES), ("south", wide)):
         (tmp_path / name).mkdir()
@@ -118,5 +119,8 @@ def test_each_source_is_left_out_in_turn(tmp_path: Path) -> None:
     for name, other in (("north", "south"), ("south", "north")):
         held_out = json.loads((out / f"without-{name}" / "held_out.json").read_text())
         assert held_out["plans"] == [f"{name}-1"], f"without {other}"
+    monkeypatch.setattr("layoutexplore.evaluation.partial_rooms.find_items", lambda snapshot: [])
+    result = CliRunner().invoke(cli.app, command)
+    assert result.exit_code == 0 and "no room is judged" in result.output, result.output
     for wrong in ([*command, "--folds", "2"], [*command[:3], *command[4:]]):
         assert CliRunner().invoke(cli.app, wrong).exit_code != 0, "one way to hold out, and two sources"

@@ -57,7 +57,7 @@ def closed_doors(
 
     IoU, precision and recall on what was never seen, beside a reference.
     """
-    from layoutexplore.errors import require
+    from layoutexplore.errors import ConfigError, require
     from layoutexplore.evaluation.closed_doors import (
         cross_validate_closed_doors,
         evaluate,
@@ -68,6 +68,9 @@ def closed_doors(
     from layoutexplore.processes import command_line
     from layoutexplore.report.closed_doors import write_closed_doors_report
 
+    for option, given in (("--plans", plans), ("--cache", cache)):
+        if given and not folds:
+            raise ConfigError(f"{option} is about training: it needs --folds")
     if report:
         require("jinja2", "bench")
     check_places(out, json_file)

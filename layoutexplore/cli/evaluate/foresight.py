@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.options import FloorPlans, Sensors, Starts, Workers
+from layoutexplore.cli.evaluate.options import FloorPlans, Sensors, Starts, Workers, asked_sensors
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -50,15 +50,13 @@ def foresight(
     )
     from layoutexplore.files import write_atomically, write_csv
     from layoutexplore.maps.library import find_plans
-    from layoutexplore.sensing.lidar import sensor as find_sensor
-    from layoutexplore.training.explorations import SENSORS
 
     check_places(out)
     predictors = list(dict.fromkeys(predictor or HORIZONS))
     config = BenchmarkConfig(
         plans=tuple(find_plans(plans)),
         starts=starts,
-        sensors=tuple(find_sensor(name).name for name in sensor or SENSORS),
+        sensors=asked_sensors(sensor),
         agents=tuple(dict.fromkeys((REFERENCE, *map(explorer_with, predictors)))),
         baseline=REFERENCE,
         explain=False,

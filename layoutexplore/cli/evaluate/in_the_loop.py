@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.options import FloorPlans, PageFolder, Sensors, Starts, Workers
+from layoutexplore.cli.evaluate.options import (
+    FloorPlans,
+    PageFolder,
+    Sensors,
+    Starts,
+    Workers,
+    asked_predictors,
+    asked_sensors,
+)
 from layoutexplore.cli.evaluate.partial_rooms import judge_explorations
 from layoutexplore.files import check_places
 
@@ -55,23 +63,19 @@ def in_the_loop(
     from layoutexplore.evaluation.in_the_loop import BASELINE, driver_of, score_in_the_loop
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
     from layoutexplore.maps.library import cached_plan, find_plans
-    from layoutexplore.predictors import make_room_predictor
     from layoutexplore.processes import command_line
     from layoutexplore.report.in_the_loop import write_in_the_loop_report
-    from layoutexplore.sensing.lidar import sensor as find_sensor
-    from layoutexplore.training.explorations import SENSORS
 
     require("jinja2", "bench")
     check_places(out)
-    sensors = [find_sensor(name).name for name in sensor or SENSORS]
-    predictors = [make_room_predictor(name) for name in dict.fromkeys(predictor or PREDICTORS)]
-    names = [p.name for p in predictors]
+    sensors = asked_sensors(sensor)
+    predictors = asked_predictors(predictor or PREDICTORS)
     sources = find_plans(plans)
     config = BenchmarkConfig(
         plans=tuple(sources),
         starts=starts,
-        sensors=tuple(sensors),
-        agents=(BASELINE, *map(driver_of, names)),
+        sensors=sensors,
+        agents=(BASELINE, *map(driver_of, predictors)),
         explain=False,
     )
     rows = run_shared(config, out / "runs", jobs)
@@ -96,7 +100,7 @@ def in_the_loop(
 
 
 def _believed(
-    plan: FloorPlan, sensor: str, predictors: Sequence[RoomPredictor], store: Path
+    plan: FloorPlan, sensor: str, predictors: Mapping[str, RoomPredictor], store: Path
 ) -> list[BelievedRooms]:
     """Pictures of what predictors believe in one exploration."""
     from layoutexplore.agents import make_agent
@@ -108,11 +112,11 @@ def _believed(
     agent = make_agent(PROTOCOL_AGENT)
     found = []
     for snapshot in explore_plan(plan, agent, sensor=sensor, coverages=SHOWN, store=store):
-        for predictor in predictors:
+        for name, predictor in predictors.items():
             if isinstance(predictor, Privileged):
                 predictor.reveal(snapshot.truth)
             image = draw_believed_rooms(snapshot, predictor.rooms(snapshot.decision))
-            found.append(BelievedRooms(predictor.name, snapshot.coverage, image))
+            found.append(BelievedRooms(name, snapshot.coverage, image))
     return found
 
 
@@ -120,7 +124,8 @@ def _print(scores: Sequence[LoopScore]) -> None:
     from layoutexplore.report.templates import number, percent
 
     heads = ("MCC", "hidden IoU", "leftover", "ms", "d95", "d99")
-    typer.echo(f"{'predictor':<28}" + "".join(f"{head:>18}" for head in heads))
+    wide = max([28, *(len(score.predictor) + 1 for score in scores)])
+    typer.echo(f"{'predictor':<{wide}}" + "".join(f"{head:>18}" for head in heads))
     for s in scores:
         ways = [f"{w:.2f}" if w else "-" for w in (s.d95, s.d99)]
         values = [
@@ -130,4 +135,4 @@ def _print(scores: Sequence[LoopScore]) -> None:
             number(s.ms, 1),
             *ways,
         ]
-        typer.echo(f"{s.predictor:<28}" + "".join(f"{value:>18}" for value in values))
+        typer.echo(f"{s.predictor:<{wide}}" + "".join(f"{value:>18}" for value in values))

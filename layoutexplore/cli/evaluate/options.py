@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from layoutexplore.files import write_json
+
+if TYPE_CHECKING:
+    from layoutexplore.predictors.protocol import RoomPredictor
 
 FloorPlans = Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")]
 Sensors = Annotated[
@@ -23,6 +27,29 @@ PlanFolders = Annotated[
     list[str] | None,
     typer.Option(help="Floor plans, or folders of them, to simulate from besides generated ones."),
 ]
+
+
+def asked_predictors(specs: Iterable[str]) -> dict[str, RoomPredictor]:
+    """Predictors by names that make them again: one that two texts mean is there once."""
+    from layoutexplore.options import format_spec
+    from layoutexplore.predictors import PREDICTORS
+
+    found: dict[str, RoomPredictor] = {}
+    for spec in specs:
+        entry, options = PREDICTORS.find(spec)
+        made = PREDICTORS.build(entry, options)
+        # what a user's own code calls itself makes nothing, and is the same whatever its options
+        name = made.name if entry.thing is None else format_spec(entry.name, options, entry.options)
+        found.setdefault(name, made)
+    return found
+
+
+def asked_sensors(names: Iterable[str] | None) -> tuple[str, ...]:
+    """The names of sensors, each once; those of all studies where none is named."""
+    from layoutexplore.sensing.lidar import sensor
+    from layoutexplore.training.explorations import SENSORS
+
+    return tuple(dict.fromkeys(sensor(name).name for name in names or SENSORS))
 
 
 def write_numbers(path: Path | None, numbers: dict[str, Any], indent: int | None = 1) -> None:

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.options import FloorPlans, JsonFile, Sensors, write_numbers
+from layoutexplore.cli.evaluate.options import (
+    FloorPlans,
+    JsonFile,
+    Sensors,
+    asked_predictors,
+    asked_sensors,
+    write_numbers,
+)
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -78,17 +85,16 @@ def partial_rooms(
     from layoutexplore.evaluation.partial_rooms import score_predictors
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
     from layoutexplore.maps.library import find_plans, load_plan
-    from layoutexplore.predictors import make_room_predictor, predictor_names
+    from layoutexplore.predictors import predictor_names
     from layoutexplore.processes import command_line
     from layoutexplore.report.partial_rooms import Gallery, write_partial_rooms_report
-    from layoutexplore.sensing.lidar import sensor as find_sensor
-    from layoutexplore.training.explorations import SENSORS, protocol_explorations
+    from layoutexplore.training.explorations import protocol_explorations
 
     if out is not None:
         require("jinja2", "bench")
     check_places(out, json_file, snapshots=snapshots)
-    sensors = list(dict.fromkeys(find_sensor(name).name for name in sensor or SENSORS))
-    predictors = [make_room_predictor(name) for name in dict.fromkeys(predictor or predictor_names())]
+    sensors = asked_sensors(sensor)
+    predictors = asked_predictors(predictor or predictor_names())
     taken = (
         snapshot
         for source in find_plans(plans)
@@ -97,7 +103,7 @@ def partial_rooms(
         )
         for snapshot in exploration
     )
-    names = [p.name for p in predictors]
+    names = list(predictors)
     gallery = Gallery("layout" if "layout" in names else names[0])
     scores = score_predictors(taken, predictors, gallery if out else None)
     summary = summarise_partial_rooms(scores)
@@ -113,7 +119,7 @@ def partial_rooms(
 
 def judge_explorations(
     sources: Sequence[str],
-    predictors: Sequence[RoomPredictor],
+    predictors: Mapping[str, RoomPredictor],
     *,
     sensors: Sequence[str],
     starts: int,
@@ -124,7 +130,7 @@ def judge_explorations(
 
     Args:
         sources: Floor plans.
-        predictors: Who is asked.
+        predictors: Who is asked, by name.
         sensors: Names of sensors.
         starts: Explorations by each sensor.
         store: Folder that keeps them.
@@ -136,7 +142,7 @@ def judge_explorations(
     from layoutexplore.maps.library import cached_plan
     from layoutexplore.training.explorations import protocol_explorations
 
-    scores = Scores([], [], {p.name: [] for p in predictors})
+    scores = Scores([], [], {name: [] for name in predictors})
     done, total = 0, len(sources) * len(sensors) * starts
     level = f", noise {noise}" if noise else ""
     with ProgressLine(plain_console(), f"explorations judged{level}") as line:
@@ -174,7 +180,8 @@ def _print(what: str, stratum: str, summary: dict[str, Any], columns: Sequence[s
     """One line a stratum and predictor, the predictors of a stratum below each other."""
     lines = [(line[stratum], name, line) for name, part in summary.items() for line in part[what]]
     order = list(dict.fromkeys(name for name, _, _ in lines))
-    typer.echo(f"{stratum:<10}{'predictor':<15}" + "".join(f"{column:>19}" for column in columns))
+    wide = max([15, *(len(name) + 1 for name in summary)])
+    typer.echo(f"{stratum:<10}{'predictor':<{wide}}" + "".join(f"{column:>19}" for column in columns))
     for level, name, line in sorted(lines, key=lambda entry: order.index(entry[0])):
-        typer.echo(f"{level:<10}{name:<15}" + "".join(f"{_shown(line[c]):>19}" for c in columns))
+        typer.echo(f"{level:<10}{name:<{wide}}" + "".join(f"{_shown(line[c]):>19}" for c in columns))
     typer.echo("")

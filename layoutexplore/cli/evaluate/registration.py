@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from layoutexplore.cli.evaluate.options import Sensors, asked_sensors
+
 if TYPE_CHECKING:
     from layoutexplore.evaluation.registration import RegistrationRow
 
@@ -26,10 +28,7 @@ NOTHING = (
 Plans = Annotated[list[str], typer.Argument(help="Floor plans: names, splits, files or folders.")]
 Folder = Annotated[Path, typer.Option(help="Folder for the rows; the same command goes on in it.")]
 Kinds = Annotated[
-    list[str] | None, typer.Option("--kind", "-k", help="Prior plan; all kinds when none is named.")
-]
-Sensors = Annotated[
-    list[str] | None, typer.Option("--sensor", "-s", help="Sensor; stage and indoor when none is named.")
+    list[str] | None, typer.Option("--kind", "-k", help="Prior plan; all but empty when none is named.")
 ]
 Among = Annotated[str, typer.Option(help="Where other floors and other buildings are found.")]
 Jobs = Annotated[int, typer.Option(min=1, help="Worker processes.")]
@@ -143,14 +142,13 @@ def _rows(
     from layoutexplore.options import JOBS
     from layoutexplore.plugins.transport import worker_map
     from layoutexplore.priors.presets import PRESETS
-    from layoutexplore.sensing.lidar import sensor as find_sensor
 
     check_places(out)
-    kinds = list(kind or KINDS)
+    kinds = list(dict.fromkeys(kind or KINDS))
     for name in kinds:
         if name not in PRESETS:
             raise unknown_name("prior plan", name, PRESETS)
-    sensors = [find_sensor(name).name for name in sensor or ("stage", "indoor")]
+    sensors = asked_sensors(sensor)
     tasks = [(source, name) for source in find_plans(plans) for name in sensors]
     jobs = min(JOBS.convert("--jobs", jobs), len(tasks))
     work = partial(rows_of_source, kinds=kinds, among=among, store=out)

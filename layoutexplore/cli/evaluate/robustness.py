@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.options import FloorPlans, PageFolder, Sensors, Starts, Workers
+from layoutexplore.cli.evaluate.options import (
+    FloorPlans,
+    PageFolder,
+    Sensors,
+    Starts,
+    Workers,
+    asked_predictors,
+    asked_sensors,
+)
 from layoutexplore.cli.evaluate.partial_rooms import judge_explorations
 from layoutexplore.files import check_places
 
@@ -47,18 +55,15 @@ def robustness(
     from layoutexplore.errors import require
     from layoutexplore.evaluation.robustness import agents_under_noise, chosen_levels, predictors_under_noise
     from layoutexplore.maps.library import find_plans
-    from layoutexplore.predictors import make_room_predictor
     from layoutexplore.processes import command_line
     from layoutexplore.report.robustness import write_robustness_report
-    from layoutexplore.sensing.lidar import sensor as find_sensor
-    from layoutexplore.training.explorations import SENSORS
 
     require("jinja2", "bench")
     check_places(out)
     sources, names = find_plans(plans), tuple(dict.fromkeys(agents or AGENTS))
-    sensors = [find_sensor(name).name for name in sensor or SENSORS]
+    sensors = asked_sensors(sensor)
     levels, named = chosen_levels(level), [] if agents_only else predictor or ["layout"]
-    asked = [make_room_predictor(name) for name in dict.fromkeys(named)]
+    asked = asked_predictors(named)
     rows = {each: _explore(each, sources, names, sensors, starts, out, jobs) for each in levels}
     summaries = {each: _judge(each, sources, asked, sensors, starts, out) for each in levels if asked}
     found = agents_under_noise(rows)
@@ -108,7 +113,7 @@ def _explore(
 def _judge(
     level: str,
     sources: Sequence[str],
-    predictors: Sequence[RoomPredictor],
+    predictors: Mapping[str, RoomPredictor],
     sensors: Sequence[str],
     starts: int,
     out: Path,

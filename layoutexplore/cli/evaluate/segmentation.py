@@ -31,7 +31,9 @@ Weights = Annotated[
     list[str] | None,
     typer.Option("--weight", help="FOLDER=NUMBER: weight in training of a folder's maps, else 1; repeat."),
 ]
-Jobs = Annotated[int, typer.Option(min=1, help="Processes; compare times with 1 only.")]
+Jobs = Annotated[
+    int, typer.Option(min=1, help="Processes, one where judges are trained; compare times with 1 only.")
+]
 
 
 Protocol = Annotated[
@@ -52,6 +54,9 @@ Sources = Annotated[
     list[str] | None,
     typer.Option("--source", help="FOLDER=SOURCE: where a folder's maps come from, else its name; repeat."),
 ]
+SIMULATED = 450
+"""Simulated maps to train on unless told otherwise."""
+
 Simulated = Annotated[
     int,
     typer.Option(
@@ -69,7 +74,7 @@ def segmentation(
     source: Sources = None,
     seeds: Seeds = 1,
     buildings: BuildingsFile = None,
-    simulated: Simulated = 450,
+    simulated: Simulated = SIMULATED,
     plans: PlanFolders = None,
     weight: Weights = None,
     resolution: CaseResolution = 0.05,
@@ -99,7 +104,8 @@ def segmentation(
         layout_method(name)
     cases = find_cases(folders, read_buildings(buildings) if buildings else None)
     training = {"--seeds": seeds > 1, "--plans": bool(plans), "--weight": bool(weight)}
-    _check_held_out(folds, leave_out, methods, {**training, "--source": bool(source)})
+    training |= {"--simulated": simulated != SIMULATED, "--source": bool(source)}
+    _check_held_out(folds, leave_out, methods, training)
     check_places(out, json_file)
     if out is not None:
         require("jinja2", "bench")

@@ -257,6 +257,8 @@ def _print_parts(scores: Scores, part_of: Mapping[str, str]) -> None:
     from layoutexplore.evaluation.partial_rooms_summary import summarise_parts
 
     lines: list[dict[str, Any]] = summarise_parts(scores, "layout", part_of)
+    if not lines:  # no room of theirs was half seen
+        return
     wide = max(len(line["part"]) for line in lines)
     columns = [name for name in lines[0] if name != "part"]
     typer.echo(f"{'':<{wide}}" + "".join(f"{name:>19}" for name in columns))

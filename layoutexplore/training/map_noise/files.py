@@ -35,7 +35,7 @@ def describe_folders(folders: Sequence[Path], resolution: float) -> tuple[Floats
         resolution: Metres a pixel where no index says it.
 
     Raises:
-        MapError: A folder is missing, holds no map, or a map cannot be read.
+        MapError: A folder is missing, holds no map, or a map cannot be read or has no statistics.
     """
     found, buildings = [], []
     for folder in folders:
@@ -47,7 +47,11 @@ def describe_folders(folders: Sequence[Path], resolution: float) -> tuple[Floats
         scales = read_scales(folder / INDEX, [path.name for path in maps])
         for path in maps:
             scale = scales.get(path.name, resolution)
-            found.append(describe_grid(load_grid(path, resolution=scale).cells, scale))
+            grid = load_grid(path, resolution=scale)
+            try:
+                found.append(describe_grid(grid.cells, scale))
+            except MapError as error:
+                raise MapError(f"{path}: {error}") from error
             buildings.append(building_of(path.stem, "painted rooms") or path.stem)
     return statistics_table(found), buildings
 

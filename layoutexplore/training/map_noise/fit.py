@@ -146,7 +146,7 @@ def told_apart(real: Floats, real_groups: Sequence[str], simulated: SimulatedMap
     forest = RandomForestClassifier(
         60, max_depth=5, min_samples_leaf=3, class_weight="balanced", random_state=seed
     )
-    folds = StratifiedGroupKFold(5, shuffle=True, random_state=seed)
+    folds = StratifiedGroupKFold(min(5, len({*groups})), shuffle=True, random_state=seed)
     odds = cross_val_predict(forest, table, truth, groups=groups, cv=folds, method="predict_proba")[:, 1]
     return float(roc_auc_score(truth, odds))
 

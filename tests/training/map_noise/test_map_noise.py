@@ -6,6 +6,7 @@ import dataclasses
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -106,6 +107,7 @@ def test_maps_of_one_building_cannot_be_told_apart_held_out() -> None:
 
     assert np.isnan([area(one, many), area(many, one)]).all()
     assert 0.0 < area(many, many) < 1.0
+    assert 0.0 <= area(["a", "b"] * 6, ["c", "d"] * 6) <= 1.0  # fewer buildings than folds
 
 
 def test_written_maps_are_cases_with_their_buildings(tmp_path: Path) -> None:
@@ -158,6 +160,11 @@ def test_bad_ranges_and_folders_are_named(tmp_path: Path) -> None:
         describe_folders([tmp_path / "nowhere"], 0.05)
     with pytest.raises(MapError, match="no map"):
         describe_folders([tmp_path], 0.05)
+    blank = tmp_path / "blank"
+    blank.mkdir()
+    cv2.imwrite(str(blank / "nothing.png"), np.full((20, 30), 205, np.uint8))
+    with pytest.raises(MapError, match=r"nothing\.png: a map without free"):
+        describe_folders([blank], 0.05)
     assert write_cases(simulate_maps(PLANS, FAST, 4), tmp_path)
     name = find_cases([tmp_path])[0].image.name
     for scale in ("wide", "-1"):
