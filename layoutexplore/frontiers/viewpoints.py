@@ -146,19 +146,24 @@ def choose_viewpoints(
     Returns:
         int32 (k, 2) viewpoints, bool (k,) whether there is one, and the clusters without, for the next call.
     """
-    offsets = _nearest_first(math.ceil(MAX_REACH / resolution))
+    offsets = _nearest_first(_reach(resolution))
     return _choose(cells, distances, farthest, clusters.cells, clusters.offsets, offsets, failed)
 
 
 def cells_in_view(cells: Cells, frontier: Ints32, viewpoint: tuple[int, int], resolution: float) -> Ints32:
     """The cells int32 (m, 2) of a frontier that a viewpoint sees from within `MAX_REACH` metres."""
-    return frontier[_are_in_view(cells, frontier, viewpoint[0], viewpoint[1], MAX_REACH / resolution)]
+    return frontier[_are_in_view(cells, frontier, viewpoint[0], viewpoint[1], _reach(resolution))]
 
 
 def facing(cells: Cells, frontier: Ints32, viewpoint: tuple[int, int]) -> float:
     """Heading in radians from a viewpoint (row, col) to the unknown cells along a frontier int32 (n, 2)."""
     row, col = _unknown_middle(cells, frontier)
     return math.atan2(row - viewpoint[0], col - viewpoint[1])
+
+
+def _reach(resolution: float) -> int:
+    """`MAX_REACH` in cells: whole ones, lest a viewpoint see a frontier from where it counts as not seen."""
+    return math.ceil(MAX_REACH / resolution)
 
 
 @functools.lru_cache(maxsize=8)
@@ -286,7 +291,7 @@ def _digest(cells: Cells, distances: Units, farthest: int, cluster: Ints32, reac
 
 
 @njit(cache=True, nogil=True)
-def _are_in_view(cells: Cells, frontier: Ints32, row: int, col: int, reach: float) -> Mask:
+def _are_in_view(cells: Cells, frontier: Ints32, row: int, col: int, reach: int) -> Mask:
     """Which cells of a frontier a viewpoint sees from within so many cells, bool (n,)."""
     seen = np.zeros(len(frontier), np.bool_)
     for n in range(len(frontier)):

@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.detection import FrontierClusters
-from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints32, Mask
+from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.flood import grow_labels
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
-from layoutexplore.grids.morphology import closed_by_box, with_neighbours
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.layout.alignment import Turned, places, turn, turn_back, turned_places
 from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid
 
@@ -105,7 +105,7 @@ def upright_view(grid: OccupancyGrid, clusters: FrontierClusters, angle: float) 
     if not angle:
         return UprightView(grid, clusters, None)
     turned = turn(grid.cells, angle, (0, 0))
-    turned.cells[_steps_filled(turned.cells == OCCUPIED, in_cells(STEP, grid.resolution))] = OCCUPIED
+    fill_steps(turned.cells, places(turned.cells, OCCUPIED), in_cells(STEP, grid.resolution))
     rows, cols = turned.cells.shape
     members = turned_places(clusters.cells, angle, turned.shape, (rows, cols))
     # The frontiers stay where they are known to be free, also where a wall beside them was rounded onto them.
@@ -158,12 +158,23 @@ def outlined(free: Mask) -> Cells:
     return np.where(free, FREE, np.where(around, OCCUPIED, UNKNOWN)).astype(np.int8)
 
 
-def _steps_filled(walls: Mask, longest: int) -> Mask:
-    """Walls bool (rows, cols) with the breaks along rows and columns that are shorter than so many cells."""
-    around = np.pad(walls, longest)
-    filled = closed_by_box(around, 1, longest) | closed_by_box(around, longest, 1)
-    inner = slice(longest, -longest)
-    return filled[inner, inner]
+@njit(cache=True, nogil=True)
+def fill_steps(cells: Cells, walls: Ints, longest: int) -> None:
+    """Occupy the breaks along rows and columns between walls that are shorter than so many cells.
+
+    Args:
+        cells: int8 (rows, cols), changed in place.
+        walls: int64 (n, 2), the occupied cells in raster order.
+        longest: In cells.
+    """
+    last_row = np.full(cells.shape[1], -longest - 1)
+    for n in range(len(walls)):
+        row, col = walls[n]
+        if n > 0 and walls[n - 1, 0] == row and col - walls[n - 1, 1] <= longest:
+            cells[row, walls[n - 1, 1] + 1 : col] = OCCUPIED
+        if row - last_row[col] <= longest:
+            cells[last_row[col] + 1 : row, col] = OCCUPIED
+        last_row[col] = row
 
 
 @njit(cache=True, nogil=True)

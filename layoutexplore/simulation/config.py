@@ -64,7 +64,8 @@ class SimulationConfig:
         region: Corners (x, y) in metres of a polygon that is explored alone: frontiers outside are not
             offered, coverage counts inside, and the robot starts inside. The whole building when None.
         noise: A level of `NOISE`: "low", "middle" or "high" sets the odometry's drift and the lidar's noise,
-            which `odometry` and `lidar` tell; "" leaves both as they are given.
+            which `odometry` and `lidar` tell; "" leaves both as they are given. Beside a level neither has
+            noise of its own, unless it is the level's.
         odometry_noise: How the believed pose drifts; what scan matching leaves of it enters the map. With a
             level of noise it stays as it is.
         scan_matching: Correct a drifting pose by matching each scan with the map, as SLAM does.
@@ -114,12 +115,17 @@ class SimulationConfig:
         object.__setattr__(self, "region", check_region(self.region))
 
     def _check_noise(self) -> None:
-        """See that there is such a level, and no drift beside it; files tell the level's own drift, too."""
+        """See that there is such a level, and no noise beside it; files tell the level's own noise, too."""
         if self.noise not in NOISE:
             raise unknown_name("noise", self.noise, NOISE)
-        level = NOISE[self.noise].odometry
-        if self.odometry_noise not in (PERFECT_ODOMETRY, level):
+        level, lidar = NOISE[self.noise], sensor(self.sensor)
+        if self.odometry_noise not in (PERFECT_ODOMETRY, level.odometry):
             raise ConfigError(f"noise={self.noise!r} sets odometry_noise: give one of the two")
+        if lidar.noisy and (lidar.range_noise_std, lidar.dropout) != level[1:]:
+            raise ConfigError(
+                f"noise={self.noise!r} sets range_noise_std and dropout of the lidar {lidar.name!r}: "
+                "give one of the two"
+            )
         object.__setattr__(self, "odometry_noise", PERFECT_ODOMETRY)
 
     @property
@@ -131,7 +137,7 @@ class SimulationConfig:
     def lidar(self) -> LidarConfig:
         """The sensor's configuration."""
         config = sensor(self.sensor)
-        if not self.noise or config.noisy:
+        if not self.noise:
             return config
         level = NOISE[self.noise]
         return dataclasses.replace(config, range_noise_std=level.range_std, dropout=level.dropout)

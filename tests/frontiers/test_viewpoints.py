@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -73,6 +74,18 @@ def test_viewpoints_are_reachable_near_and_in_sight(cells: NDArray[np.int8], see
             assert not np.isfinite(distances[tuple(members.T)]).all(), (
                 "a frontier on reachable cells has a viewpoint"
             )
+
+
+@pytest.mark.parametrize("resolution", [0.08, 0.1, 0.2, 0.4])
+def test_the_farthest_viewpoint_sees_its_frontier_at_any_resolution(resolution: float) -> None:
+    """Where it did not, a frontier that looking did not clear was never given up: the robot stayed there."""
+    reach = math.ceil(MAX_REACH / resolution)
+    cells, distances = np.zeros((1, reach + 2), np.int8), np.full((1, reach + 2), np.inf, np.float32)
+    cells[0, -1], distances[0, 0] = -1, 0.0
+    clusters = find_frontiers(cells)
+    view, found, _ = choose_viewpoints(cells, padded(distances), 0, clusters, resolution, NONE_FAILED)
+    assert found.all() and view.tolist() == [[0, 0]]
+    assert cells_in_view(cells, clusters.cells, (0, 0), resolution).tolist() == [[0, reach]]
 
 
 @settings(max_examples=60, deadline=None)

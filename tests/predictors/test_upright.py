@@ -10,6 +10,7 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays
 
 from layoutexplore.agents import make_agent
 from layoutexplore.evaluation.partial_rooms import score_predictors
@@ -17,10 +18,11 @@ from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from layoutexplore.grids.morphology import closed_by_box
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import load_plan
 from layoutexplore.predictors import make_room_predictor
-from layoutexplore.predictors.upright import UprightRooms, UprightViews, upright_view, wall_angle
+from layoutexplore.predictors.upright import UprightRooms, UprightViews, fill_steps, upright_view, wall_angle
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 from layoutexplore.training.explorations import protocol_explorations
 
@@ -117,6 +119,20 @@ def test_walls_of_a_turned_map_are_as_thick_at_any_resolution(degrees: float) ->
         for resolution in (0.05, 0.1)
     )
     assert fine == pytest.approx(coarse, rel=0.05)
+
+
+@settings(deadline=None)
+@given(
+    cells=arrays(
+        np.int8, array_shapes(min_dims=2, max_dims=2, max_side=12), elements=st.sampled_from((0, 100))
+    ),
+    longest=st.integers(1, 6),
+)
+def test_breaks_of_walls_are_filled_as_closing_by_a_box_fills_them(cells: Cells, longest: int) -> None:
+    around = np.pad(cells == OCCUPIED, longest)
+    closed = closed_by_box(around, 1, longest) | closed_by_box(around, longest, 1)
+    fill_steps(cells, np.argwhere(cells == OCCUPIED), longest)
+    assert np.array_equal(cells == OCCUPIED, closed[longest:-longest, longest:-longest])
 
 
 def test_rooms_of_a_turned_map_keep_all_that_is_seen() -> None:

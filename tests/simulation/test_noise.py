@@ -101,6 +101,15 @@ def test_an_unknown_level_and_two_kinds_of_odometry_are_refused() -> None:
         SimulationConfig(noise="low", odometry_noise=OdometryNoise(translation=0.5))
 
 
+@pytest.mark.parametrize("level", NOISE)
+def test_a_lidar_with_other_noise_than_the_level_is_refused(level: str) -> None:
+    of_level = SimulationConfig(sensor="indoor", noise=level).lidar
+    assert SimulationConfig(sensor=of_level, noise=level).lidar == of_level
+    for own in ({"range_noise_std": 0.5}, {"dropout": 0.5}):
+        with pytest.raises(ConfigError, match=f"noise='{level}' sets range_noise_std and dropout"):
+            SimulationConfig(sensor=replace(of_level, **own), noise=level)
+
+
 @pytest.mark.parametrize("level", ["low", "middle"])
 @pytest.mark.parametrize("seed", range(3))
 def test_noisy_robots_see_all(level: str, seed: int) -> None:
