@@ -135,7 +135,7 @@ class TrainingRun:
         save_policy(self.folder / POLICY, self.weights(), self.card())
 
     def begin_folder(self) -> None:
-        """Make the folder and write the configuration."""
+        """Make the folder and write the configuration: a run that goes on may have been given more steps."""
         self.folder.mkdir(parents=True, exist_ok=True)
         write_atomically(self.folder / CONFIG, to_toml(self.config.as_table()))
 

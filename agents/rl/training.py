@@ -70,8 +70,7 @@ class Run(TrainingRun):
             raise
         self.device = self.model.device
         self.evaluations = self.progress.evaluations
-        if not resume:
-            self.begin_folder()
+        self.begin_folder()
 
     @property
     def steps(self) -> int:

@@ -109,8 +109,7 @@ class SearchRun(TrainingRun):
         if resume:
             self.explorations = read_explorations(self.folder / EXPLORATIONS, self.members)
             self.evaluations = read_evaluations(self.folder / EVALUATIONS, self.steps)
-        else:
-            self.begin_folder()
+        self.begin_folder()
         self._rewrite()
 
     @property
