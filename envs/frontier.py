@@ -235,7 +235,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
         penalty = 0.0
         if not simulation.done:
             if self._mask[choice]:
-                self._go(STOP if choice == stop else choice)
+                self.go(STOP if choice == stop else choice)
             else:
                 penalty = self._count_invalid()
         reward, terminated, truncated = self._finish()
@@ -259,8 +259,17 @@ class FrontierEnv(ExplorationEnv[np.int64]):
             raise ResetNeeded("no action is valid before reset(): call it first")
         return self._mask.astype(np.bool_)
 
-    def _go(self, choice: int) -> None:
-        """Act on a choice until the next one is due."""
+    def go(self, choice: int) -> None:
+        """Act on a choice until the next one is due, looking around on the way as `look_every` says.
+
+        `step` does so and tells what came of it. Here a frontier may be chosen that has no slot.
+
+        Args:
+            choice: Which of the decision's frontiers, or `STOP`.
+
+        Raises:
+            ConfigError: There is no such frontier, or the run is over.
+        """
         piece: Choice | None = self._looking.begin(self.simulation.decision, choice)
         while piece is not None:
             decision = self.simulation.step(piece)

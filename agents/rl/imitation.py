@@ -107,8 +107,8 @@ def attend(
 ) -> None:
     """One exploration, led by the teacher or by the policy, until it is over or the teacher would stop.
 
-    The simulation is driven itself: the teacher may go to a frontier for which the environment has no slot.
-    No policy can choose that one, so that such a decision is left out of what is learnt.
+    The teacher may go to a frontier for which the environment has no slot. No policy can choose that one, so
+    that such a decision is left out of what is learnt.
 
     Args:
         env: Draws floor plan, sensor and start.
@@ -129,7 +129,7 @@ def attend(
             return
         if label in range(min(observer.config.max_frontiers, len(decision.frontiers))):
             demonstrations.add(observation, label)
-        simulation.step(label if actor is None else act(actor, observation))
+        env.go(label if actor is None else act(actor, observation))
 
 
 def act(actor: Actor, observation: dict[str, NDArray[np.generic]]) -> int:

@@ -135,9 +135,17 @@ class TrainingRun:
         save_policy(self.folder / POLICY, self.weights(), self.card())
 
     def begin_folder(self) -> None:
-        """Make the folder and write the configuration."""
+        """Make the folder and write the configuration: a run that goes on may have been given more steps."""
         self.folder.mkdir(parents=True, exist_ok=True)
         write_atomically(self.folder / CONFIG, to_toml(self.config.as_table()))
+
+    @property
+    def evaluation_is_due(self) -> bool:
+        """Whether a mark has been passed since the last evaluation: one that was cut off is made up for."""
+        every, steps, last = self.config.evaluation.every, self.steps, self.evaluations[-1:]
+        if not last:
+            return True
+        return steps // every > last[0]["steps"] // every or last[0]["steps"] < steps >= self.config.steps
 
     def evaluate(self) -> None:
         """Explore the cells of the evaluation; keep the policy if it is the best so far."""

@@ -70,8 +70,7 @@ class Run(TrainingRun):
             raise
         self.device = self.model.device
         self.evaluations = self.progress.evaluations
-        if not resume:
-            self.begin_folder()
+        self.begin_folder()
 
     @property
     def steps(self) -> int:
@@ -97,20 +96,13 @@ class Run(TrainingRun):
                 self._begin()
             self.model.set_logger(configure(str(self.folder / "tensorboard"), ["tensorboard"]))
             while not self.stopping:
-                if self._evaluation_is_due():
+                if self.evaluation_is_due:
                     self.evaluate()
                 elif self.progress.steps < self.config.steps:
                     self._stretch()
                 else:
                     break
         self.envs.close()
-
-    def _evaluation_is_due(self) -> bool:
-        """Whether a mark has been passed since the last evaluation: one that was cut off is made up for."""
-        every, steps, last = self.config.evaluation.every, self.progress.steps, self.progress.evaluations[-1:]
-        if not last:
-            return True
-        return steps // every > last[0]["steps"] // every or last[0]["steps"] < steps >= self.config.steps
 
     def _begin(self) -> None:
         """Imitation, if any: what the policy is before it learns by reward."""

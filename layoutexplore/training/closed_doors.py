@@ -246,7 +246,7 @@ def _maps(source: Source, rng: np.random.Generator) -> tuple[Cells, Cells] | Non
         return read_cells(source.path), read_cells(source.truth)
     truth = (
         read_cells(source.path)
-        if "-shut-" in source.name
+        if source.name.split("-")[-2] == "shut"
         else plan_cells(load_plan(source.path), RESOLUTION, rng)
     )
     cells = shut_rooms(truth, RESOLUTION, rng)

@@ -49,8 +49,9 @@ class Explored:
         samples: For trees, by plan.
         scenes: For the cell network.
         crops: For the frontier network.
-        asked: Decisions for tests, by plan.
-        loaded_as: By what each plan from a file was loaded, by its name.
+        asked: Decisions for tests, by the names of plans; those of one name, which count as one building,
+            together.
+        loaded_as: By what each plan from a file was loaded.
     """
 
     files: list[FloorPlan]
@@ -59,7 +60,7 @@ class Explored:
     scenes: list[CellNetworkSample]
     crops: list[CropSamples]
     asked: dict[str, list[Snapshot]]
-    loaded_as: dict[str, str]
+    loaded_as: list[str]
 
 
 def explore_plans(
@@ -86,7 +87,7 @@ def explore_plans(
     )
     from layoutexplore.training.predictor_samples import gather, gather_crops, gather_network_inputs
 
-    seen = Explored([], {}, [], [], [], {}, {})
+    seen = Explored([], {}, [], [], [], {}, [])
     stops, store = config.stops, config.store
     for k, source in enumerate(sources):
         plan = load_plan(source)
@@ -101,8 +102,9 @@ def explore_plans(
                 found.extend(stopped_explorations(copy, make_agent, 1, stops, store))
                 seen.copies[copy.name] = plan.name
             seen.files.append(plan)
-            seen.loaded_as[plan.name] = source
-            seen.asked[plan.name] = [snapshot for part in protocol for snapshot in part] if forests else []
+            seen.loaded_as.append(source)
+            asked = seen.asked.setdefault(plan.name, [])
+            asked.extend(snapshot for part in protocol for snapshot in part if forests)
         if forests:
             seen.samples.append(gather(found, cells=rooms))
         if network:
@@ -149,7 +151,7 @@ def parts_by_source(
     Example:
         >>> from layoutexplore.maps.tracing import floorplan_from_ascii
         >>> plans = [floorplan_from_ascii(".a", name=name) for name in ("hall", "tower")]
-        >>> loaded = {"hall": "a/hall.geojson", "tower": "b/tower.geojson"}
+        >>> loaded = ["a/hall.geojson", "b/tower.geojson"]
         >>> seen = Explored(plans, {}, [], [], [], {}, loaded)
         >>> words = {"a/": ["a/hall.geojson"], "b/": ["b/tower.geojson"]}
         >>> parts_by_source(seen, {"hall": "hall", "tower": "tower"}, words)
@@ -163,8 +165,8 @@ def parts_by_source(
         name = f"without-{safe_name(Path(word).name)}"
         names[word] = name if name not in names.values() else f"without-{safe_name(word)}"
     parts: dict[str, str] = {}
-    for plan in seen.files:
-        parts.setdefault(groups[plan.name], names[word_of[seen.loaded_as[plan.name]]])
+    for plan, source in zip(seen.files, seen.loaded_as, strict=True):
+        parts.setdefault(groups[plan.name], names[word_of[source]])
     if len(set(parts.values())) < 2:
         raise ConfigError("leaving out a source takes plans from files of at least two words of the command")
     return parts
@@ -182,7 +184,9 @@ def buildings_of_words(
         words: Some of these words.
     """
     loaded = {source for word in words for source in sources[word]}
-    return frozenset(groups[plan.name] for plan in seen.files if seen.loaded_as[plan.name] in loaded)
+    return frozenset(
+        groups[plan.name] for plan, source in zip(seen.files, seen.loaded_as, strict=True) if source in loaded
+    )
 
 
 class NetworkTrainer:

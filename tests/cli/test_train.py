@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("sb3_contrib")
 pytest.importorskip("tensorboard")
 
+from layoutexplore.agents.rl.hyperparameters import read_config
 from layoutexplore.files import to_toml
 from tests.agents.rl.cases import SMALL_SEARCH, write_config
 from tests.cli.test_cli import run as run_cli
@@ -27,6 +28,7 @@ def test_train_resume_and_benchmark(
     assert "add --resume" in capsys.readouterr().err
     assert run_cli(monkeypatch, "train", "--out", out, "--resume", "--steps", "32") == 0
     assert "32/32 steps" in capsys.readouterr().out
+    assert read_config(Path(out, "config.toml")).steps == 32  # what a further --resume goes on to
     assert run_cli(monkeypatch, "train", "--out", out, "--curve") == 0
     head, _, *rows = capsys.readouterr().out.splitlines()
     assert "d95 / nearest" in head and [row.split()[1] for row in rows] == ["0", "16", "32"]
@@ -81,6 +83,7 @@ def test_a_search_from_the_command_line(
     assert f"policy:{out}" in capsys.readouterr().out
     assert run_cli(monkeypatch, "train", "--out", out, "--resume", "--steps", "8") == 0
     assert "8/8 steps" in capsys.readouterr().out
+    assert read_config(Path(out, "config.toml")).steps == 8
     assert (
         run_cli(
             monkeypatch,

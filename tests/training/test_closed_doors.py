@@ -64,6 +64,12 @@ def test_samples_of_plans_of_one_name_are_told_apart(tmp_path: Path) -> None:
     assert edited is not None and np.array_equal(edited.edges, west.edges)
 
 
+def test_a_plan_may_be_named_as_maps_of_a_folder_are(tmp_path: Path) -> None:
+    save_plan(load_plan("apartment-01"), tmp_path / "hall-shut-2.geojson")
+    (source, *_) = find_sources(None, [str(tmp_path / "hall-shut-2.geojson")])
+    assert source.name == "hall-shut-2-plan-0" and samples_of(source) is not None
+
+
 def test_floors_of_one_file_are_of_one_building_and_have_names_of_their_own() -> None:
     sources = find_sources(None, ["a/two towers.osm#0", "a/two towers.osm#1", "b/Villa_2.xml"])
     assert len({s.name for s in sources}) == len(sources)

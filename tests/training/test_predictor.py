@@ -14,6 +14,13 @@ from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import make_room_predictor
 from layoutexplore.predictors.learned import CELL_MODEL, CELL_NETWORK, FRONTIER_MODEL, FRONTIER_NETWORK
+from layoutexplore.training.predictor import (
+    ExplorationConfig,
+    Explored,
+    buildings_of,
+    buildings_of_words,
+    explore_plans,
+)
 from tests.plans import THREE_OFFICES
 
 
@@ -124,3 +131,26 @@ def test_each_source_is_left_out_in_turn(tmp_path: Path, monkeypatch: pytest.Mon
     assert result.exit_code == 0 and "no room is judged" in result.output, result.output
     for wrong in ([*command, "--folds", "2"], [*command[:3], *command[4:]]):
         assert CliRunner().invoke(cli.app, wrong).exit_code != 0, "one way to hold out, and two sources"
+
+
+def test_plans_of_one_name_are_tested_together(tmp_path: Path) -> None:
+    """Many data sets have a folder for each building and the same names of files in it."""
+    wide = "\n".join(row[:20] + row[19:20] * 4 + row[20:] for row in THREE_OFFICES.strip().splitlines())
+    for folder, plan in (("north", THREE_OFFICES), ("south", wide)):
+        (tmp_path / folder).mkdir()
+        named = floorplan_from_ascii(plan, resolution=0.9, name="floor")
+        save_plan(named, tmp_path / folder / "floor.geojson")
+    words = {folder: [str(tmp_path / folder / "floor.geojson")] for folder in ("north", "south")}
+
+    def explored(*folders: str) -> Explored:
+        paths = [words[folder][0] for folder in folders]
+        return explore_plans(
+            paths, ExplorationConfig(stops=1), forests=True, network=False, rooms=False,
+            progress=lambda done, total, name: None,
+        )  # fmt: skip
+
+    seen = explored("north", "south")
+    alone = [len(explored(folder).asked["floor"]) for folder in words]
+    assert len(seen.asked["floor"]) == sum(alone) and min(alone) > 0
+    groups = buildings_of(seen, 0)
+    assert all(buildings_of_words(seen, groups, words, [folder]) == {"floor"} for folder in words)

@@ -109,8 +109,7 @@ class SearchRun(TrainingRun):
         if resume:
             self.explorations = read_explorations(self.folder / EXPLORATIONS, self.members)
             self.evaluations = read_evaluations(self.folder / EVALUATIONS, self.steps)
-        else:
-            self.begin_folder()
+        self.begin_folder()
         self._rewrite()
 
     @property
@@ -137,16 +136,17 @@ class SearchRun(TrainingRun):
         """Search until all explorations are done or somebody asks to stop."""
         began = time.monotonic()
         with self.stop_on_signal(), explorers(self.config.workers) as executor:
-            if not self.evaluations and not self.stopping:
-                self.evaluate()
-            while self.steps < self.config.steps and not self.stopping:
-                self._round(executor)
-                self._seconds = time.monotonic() - began
-                self.save()
-                every, last = self.config.evaluation.every, self.evaluations[-1:]
-                due = self.steps // every > (last[0]["steps"] // every if last else -1)
-                if not self.stopping and (due or self.steps >= self.config.steps):
+            while not self.stopping:
+                # The policy is another one only after a whole round, or after the last.
+                within = self.steps % self.search.round and self.steps < self.config.steps
+                if self.evaluation_is_due and not within:
                     self.evaluate()
+                elif self.steps < self.config.steps:
+                    self._round(executor)
+                    self._seconds = time.monotonic() - began
+                    self.save()
+                else:
+                    break
 
     def draws(self, group: int) -> Floats:
         """The parameters z float64 (members, p) that a group explores, around the centre of its round."""

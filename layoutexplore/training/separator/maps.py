@@ -16,11 +16,13 @@ import numpy as np
 from layoutexplore.errors import LayoutExploreError, ResultsError
 from layoutexplore.files import ArrayRule, read_arrays, write_arrays
 from layoutexplore.files.archives import check_arrays
+from layoutexplore.files.reading import is_file
 from layoutexplore.grids.arrays import Cells, Ints32
 from layoutexplore.layout.merging.separator.planes import KINDS as PLANES
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.generator import FAMILIES, generate
+from layoutexplore.maps.library import source_files
 from layoutexplore.plugins.transport import worker_map
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.fit import LARGEST
@@ -62,7 +64,8 @@ def separator_examples(
         workers: Processes that simulate; 0 for this one.
         progress: Told of the maps tried.
     """
-    work = partial(_examples_of, plans=tuple(plans), seed=seed, cache=cache)
+    kept = cache / f"{mark_of(plans)}-{seed}" if cache else None
+    work = partial(_examples_of, plans=tuple(plans), seed=seed, begin=kept)
     out: list[SeparatorExample] = []
     with worker_map(workers) as spread:
         for k, found in enumerate(spread(work, range(count))):
@@ -71,9 +74,9 @@ def separator_examples(
     return out
 
 
-def _examples_of(k: int, plans: tuple[str, ...], seed: int, cache: Path | None) -> list[SeparatorExample]:
-    """What a plan teaches, from the cache where it is there."""
-    kept = cache / f"{mark_of(plans)}-{seed}-{k}.npz" if cache else None
+def _examples_of(k: int, plans: tuple[str, ...], seed: int, begin: Path | None) -> list[SeparatorExample]:
+    """What a plan teaches, from the cache, whose files' names begin so, where it is there."""
+    kept = begin.with_name(f"{begin.name}-{k}.npz") if begin else None
     found = _read(kept) if kept is not None and kept.exists() else None
     if found is None:
         found = [separator_example(*one) for one in known_maps(k, plans, seed)]
@@ -85,8 +88,11 @@ def _examples_of(k: int, plans: tuple[str, ...], seed: int, cache: Path | None) 
 
 
 def mark_of(plans: Sequence[str]) -> str:
-    """Tells what was made of other plans."""
-    return f"{zlib.crc32(chr(10).join(plans).encode()):08x}"
+    """Tells what was made of other plans, or of other content of their files."""
+    mark = zlib.crc32(chr(10).join(plans).encode())
+    for path in filter(is_file, (file for plan in plans for file in source_files(plan))):
+        mark = zlib.crc32(path.read_bytes(), mark)
+    return f"{mark:08x}"
 
 
 _KEPT = {

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from multiprocessing import get_all_start_methods
 from pathlib import Path
 
@@ -173,10 +174,12 @@ def train_shipped_separator(
         progress: Told of what takes long.
     """
     examples = separator_examples(count, plans, cache=cache, workers=config.workers, progress=progress)
+    # What changes what is learnt tells trainings apart; other steps are refused where the state is read.
+    how = zlib.crc32(repr(replace(config, steps=0, workers=0, device="")).encode())
     network = fit_separator(
         examples,
         config,
         lambda done, steps, loss: progress(f"steps, mean loss {loss:.3f}", done, steps),
-        kept=cache / f"training-{mark_of(plans)}-{count}-{config.seed}.safetensors" if cache else None,
+        kept=cache / f"training-{mark_of(plans)}-{count}-{how:08x}.safetensors" if cache else None,
     )
     return {name: values.astype(np.float16) for name, values in network.weights().items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,8 @@ pytest.importorskip("sb3_contrib")
 pytest.importorskip("tensorboard")
 
 
+from layoutexplore.agents import make_agent  # noqa: E402
+from layoutexplore.agents.rl.agent import NetworkPolicy  # noqa: E402
 from layoutexplore.agents.rl.imitation import Demonstrations, attend, imitate  # noqa: E402
 from layoutexplore.agents.rl.networks.actor_critic import Actor  # noqa: E402
 from layoutexplore.agents.rl.training import Run  # noqa: E402
@@ -20,7 +23,7 @@ from layoutexplore.errors import ConfigError  # noqa: E402
 from layoutexplore.frontiers.decision import STOP, Decision  # noqa: E402
 from layoutexplore.simulation.episode import play  # noqa: E402
 from layoutexplore.simulation.simulation import Simulation  # noqa: E402
-from tests.agents.rl.cases import Silent, small_config, train  # noqa: E402
+from tests.agents.rl.cases import Silent, random_actor, small_config, spec, train  # noqa: E402
 
 
 def test_imitation_comes_to_agree(tmp_path: Path) -> None:
@@ -99,6 +102,18 @@ def test_a_policy_that_leads_is_taught_until_the_teacher_stops(tmp_path: Path) -
     attend(env, Farthest(5), run.actor(), learnt, seed=0)
     assert env.simulation.decisions == 5 and len(learnt.choices) < 5
     run.envs.close()
+
+
+def test_a_policy_that_leads_looks_around_as_it_will() -> None:
+    """So it is taught where it comes to when it explores by itself."""
+    kind, actor = replace(spec(), look_every=2.0), random_actor()
+    observation = ObservationConfig(local_map=False, global_map=False, detour=True)
+    env = FrontierEnv("apartment-01", sensor="stage", observation=observation, look_every=2.0)
+    seed = env.reset(seed=0)[1]["simulation_seed"]
+    alone = Simulation(env.simulation.plan, env.simulation.config)
+    play(alone, NetworkPolicy("policy", actor, kind), seed=seed)
+    attend(env, make_agent("nearest"), actor, Demonstrations(), seed=0)
+    assert env.simulation.track.tolist() == alone.track.tolist()
 
 
 def test_a_run_that_is_stopped_in_its_first_evaluation_imitates_once(

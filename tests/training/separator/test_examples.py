@@ -59,6 +59,10 @@ def test_examples_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
             assert getattr(a, name).dtype == getattr(b, name).dtype
     separator_examples(1, ("another",), cache=tmp_path)
     assert made == [0, 1, 2, 0], "other plans, other maps"
+    for content in ("one", "another"):
+        (tmp_path / "plan.geojson").write_text(content)
+        separator_examples(1, (str(tmp_path / "plan.geojson"),), cache=tmp_path)
+    assert made == [0, 1, 2, 0, 0, 0], "a plan that has been corrected, other maps"
     damaged = next(tmp_path.glob("*-2.npz"))
     damaged.write_bytes(damaged.read_bytes()[:100])
     with pytest.warns(UserWarning, match="made anew"):

@@ -88,3 +88,7 @@ def test_the_command_writes_a_network(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     load_weights(tmp_path / "network.safetensors", shapes_of(LAYERS))
     assert len(list((tmp_path / "kept").iterdir())) == 3, "two plans and the state"
+    first = (tmp_path / "network.safetensors").read_bytes()
+    assert CliRunner().invoke(app, [*words, "--batch", "2"]).exit_code == 0
+    assert len(list((tmp_path / "kept").iterdir())) == 4, "another training does not go on with that state"
+    assert (tmp_path / "network.safetensors").read_bytes() != first

@@ -96,6 +96,23 @@ def test_ctrl_c_leaves_whole_groups(tmp_path: Path) -> None:
     assert getattr(make_agent(f"policy:{tmp_path / 'run'}"), "predictor", "") == "none"
 
 
+@pytest.mark.parametrize(("marks", "left"), [([0, 8], [0]), ([0, 8, 12], [0, 8]), ([0, 8, 12], [0])])
+def test_an_evaluation_that_was_cut_off_is_made_up_for(
+    searched: Path, tmp_path: Path, marks: list[int], left: list[int]
+) -> None:
+    """Also the last one, behind which nothing is explored any more."""
+    shutil.copytree(searched, tmp_path / "run")
+    lines = (searched / EVALUATIONS).read_text().splitlines(keepends=True)
+    (tmp_path / "run" / EVALUATIONS).write_text("".join(lines[: 1 + len(left)]))
+    explored = (searched / EXPLORATIONS).read_text().splitlines(keepends=True)
+    (tmp_path / "run" / EXPLORATIONS).write_text("".join(explored[: 1 + marks[-1]]))
+    run = train(small_config(tmp_path, steps=marks[-1]), tmp_path / "run", resume=True)
+    assert [evaluation["steps"] for evaluation in run.evaluations] == [*left, marks[-1]]
+    assert (tmp_path / "run" / EVALUATIONS).read_text().splitlines()[-1] == lines[1 + marks.index(marks[-1])][
+        :-1
+    ]
+
+
 def test_the_policy_goes_where_the_searched_tour_begins() -> None:
     """What the search explores is what the policy that it writes does."""
     config = read_config(
