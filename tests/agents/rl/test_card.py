@@ -19,6 +19,7 @@ from layoutexplore.agents.policy import load_policy  # noqa: E402
 from layoutexplore.agents.rl.card import WEIGHTS, find_policy, read_card, read_spec  # noqa: E402
 from layoutexplore.agents.rl.torch_policy_files import load_actor, save_tensors  # noqa: E402
 from layoutexplore.errors import ConfigError, ResultsError, UnknownNameError  # noqa: E402
+from tests.calls import counted_calls  # noqa: E402
 
 
 @pytest.mark.parametrize(
@@ -67,13 +68,14 @@ def test_what_ships_can_be_read() -> None:
         ({"x" * 1_000_000: np.zeros(0, np.float32)}, "1000000 characters, and 200 is the most"),
     ],
 )
-def test_files_with_more_than_any_policy_has_are_refused(
+def test_files_with_more_than_any_policy_has_are_refused_at_once(
     tmp_path: Path, tensors: dict[str, Any], message: str
 ) -> None:
     path = tmp_path / "many.safetensors"
     safetensors.numpy.save_file(tensors, path, metadata={"card": ""})
-    with pytest.raises(ResultsError, match=message):
+    with counted_calls() as calls, pytest.raises(ResultsError, match=message):
         load_policy("many", str(path))
+    assert calls.total() < 10_000
 
 
 def test_a_name_that_is_none_is_told_with_what_else_does() -> None:
