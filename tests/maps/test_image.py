@@ -79,9 +79,11 @@ def test_images_without_free_space(tmp_path: Path) -> None:
         load_plan(tmp_path / "black.png")
 
 
-@pytest.mark.parametrize(("share", "rooms"), [("corners", 2), ("gaps", 4761)])
-def test_many_rooms_beside_each_other_are_traced_in_one_pass(tmp_path: Path, share: str, rooms: int) -> None:
-    """Two rooms that touch 180 000 times took 3.3 million calls, one contact after the other."""
+@pytest.mark.parametrize(("share", "rooms", "most"), [("corners", 2, 1_000_000), ("gaps", 4761, 350_000)])
+def test_many_rooms_beside_each_other_are_traced_in_one_pass(
+    tmp_path: Path, share: str, rooms: int, most: int
+) -> None:
+    """Two rooms that touch 180 000 times took 2.7 million calls, thousands around one gap 447 000."""
     row, col = np.indices((300, 300) if share == "corners" else (897, 897))
     ids = (row + col) % 2 + 1
     if share == "gaps":
@@ -92,7 +94,7 @@ def test_many_rooms_beside_each_other_are_traced_in_one_pass(tmp_path: Path, sha
     load_plan(tmp_path / "few.png", resolution=1.0)  # so that what is compiled does not count
     with counted_calls() as calls:
         plan = load_plan(tmp_path / "map.png", resolution=1.0)
-    assert len(plan.rooms) == rooms and calls.total() < 2_000_000
+    assert len(plan.rooms) == rooms and calls.total() < most
 
 
 def test_a_drawing_on_a_transparent_ground_is_to_be_laid_on_white(tmp_path: Path) -> None:
