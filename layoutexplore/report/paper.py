@@ -190,10 +190,15 @@ def _axes(x_title: str, y_title: str, size: tuple[float, float] = _SIZE) -> tupl
     return figure, axes
 
 
-def _label_ends(axes: Any, ends: Sequence[tuple[str, Look, float]]) -> None:
-    """Names at the right of the frame, where the lines end (percent from the top)."""
-    for (name, look, _), at in zip(ends, label_places([end for _, _, end in ends]), strict=True):
-        axes.text(1.02, 1 - at / 100, name, color=look[0], transform=axes.transAxes, va="center", fontsize=7)
+def _label_ends(axes: Any, ends: Sequence[tuple[str, Look, float]], *, leads: bool = True) -> None:
+    """Names at the right of the frame, near where the lines end (percent from the top), and leads to them."""
+    places = label_places([end for _, _, end in ends])
+    for (name, (colour, dash), end), place in zip(ends, places, strict=True):
+        at, look = 1 - place / 100, {"color": colour, "transform": axes.transAxes}
+        if leads:  # dashed like the line: of two agents of one colour they alone tell which is which
+            lead, style = ([1.0, 1.03, 1.1], [1 - end / 100, at, at]), _DASHES[dash]
+            axes.plot(*lead, linestyle=style, linewidth=0.8, clip_on=False, **look)
+        axes.text(1.12 if leads else 1.02, at, name, va="center", fontsize=7, **look)
 
 
 def _draw_curves(curves: Sequence[Any], looks: Mapping[str, Look], unit: str) -> Any:
@@ -246,7 +251,7 @@ def _draw_stops(plot: Any) -> Any:
     low, high = axes.get_ylim()
     places = [100 * (high - 100 * mark.stop.saved.estimate) / (high - low) for mark in plot.marks]
     marks = zip(plot.marks, places, strict=True)
-    _label_ends(axes, [(mark.stop.agent, (mark.colour, ""), place) for mark, place in marks])
+    _label_ends(axes, [(mark.stop.agent, (mark.colour, ""), place) for mark, place in marks], leads=False)
     return figure
 
 

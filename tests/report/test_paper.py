@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -20,15 +21,16 @@ from tests.plans import HOUSE
 
 pytest.importorskip("matplotlib")
 
+AGENTS = ("nearest", "layout-tour", "random", "clairvoyant", *(f"wait:area={k}" for k in range(1, 7)))
+"""More than there are colours: lines of one colour differ by their dashes."""
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
     plans = tmp_path_factory.mktemp("plans")
     for name, scale in (("a_1 & co", 0.6), ("b", 0.8)):
         save_plan(floorplan_from_ascii(HOUSE, resolution=scale, name=name), plans / f"{scale}.geojson")
-    config = BenchmarkConfig(
-        plans=(str(plans),), starts=1, agents=("nearest", "layout-tour", "random", "clairvoyant")
-    )
+    config = BenchmarkConfig(plans=(str(plans),), starts=1, agents=AGENTS)
     return run_benchmark(config, tmp_path_factory.mktemp("results") / "out").folder
 
 
@@ -54,8 +56,16 @@ def test_every_chart_and_table_is_written(folder: ResultsFolder, tmp_path: Path)
 def test_agents_that_know_the_plan_are_marked(folder: ResultsFolder, tmp_path: Path) -> None:
     write_paper(folder, tmp_path)
     (names, *_) = zip(*csv.reader((tmp_path / "ratios-stage.csv").open()), strict=True)
-    assert set(names[1:]) == {"nearest", "layout-tour", "random", "clairvoyant (knows the plan)"}
+    assert set(names[1:]) == {*AGENTS, "clairvoyant (knows the plan)"} - {"clairvoyant"}
     assert r"clairvoyant (knows the plan) & " in (tmp_path / "ratios-stage.tex").read_text()
+
+
+def test_names_are_joined_to_their_lines_by_the_same_dashes(folder: ResultsFolder, tmp_path: Path) -> None:
+    write_paper(folder, tmp_path)
+    for name in ("coverage-stage", "profiles"):
+        drawn = (tmp_path / f"{name}.svg").read_text()
+        colours = re.findall(r'dasharray[^"]*stroke: (#\w+)', drawn)
+        assert colours and all(colours.count(colour) == 2 for colour in colours), colours
 
 
 def test_the_same_results_give_the_same_bytes(folder: ResultsFolder, tmp_path: Path) -> None:
