@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 HELP = """Train an exploration policy (needs pip install 'layoutexplore\\[rl]').
 
-By default it learns the numbers of a tour over frontiers, from whole explorations: what the policy that \
-ships comes from. The
+By default it learns the numbers of a tour over frontiers, from whole explorations, as `policy:tour` has; \
+`policy` is a network of maskable-ppo. The
 folder gets the configuration, a checkpoint, the last and the best policy (best.safetensors), the \
 evaluations on held-out plans
 (evaluations.csv) and TensorBoard curves. Ctrl-C leaves a checkpoint; [bold]--resume[/bold] goes on from it.

@@ -83,7 +83,7 @@ class LidarConfig:
         )
         checks = {
             "range_max must be metres above 0 and at most 10000": 0 < self.range_max <= 1e4,
-            "fov must be radians above 0 and at most 2 pi": 0 < self.fov <= 2 * math.pi + 1e-9,
+            "fov must be radians above 0 and at most 2 pi (6.283185)": 0 < self.fov <= 2 * math.pi + 1e-9,
             "angle_offset must be radians from -100 to 100": abs(self.angle_offset) <= 100,
             "range_noise_std must be metres from 0 to 1000": 0 <= self.range_noise_std <= 1e3,
             "dropout must be a probability below 1": 0 <= self.dropout < 1,
