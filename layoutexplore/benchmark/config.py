@@ -44,6 +44,7 @@ _INSTEAD = {
 }
 """What is done with an object where a name is asked for."""
 
+_POSE = Rule(count=3, low=-1e9, high=1e9)
 STARTS, LIMIT = Rule(kind=int, low=1, high=10_000), Rule(low=0.0, high=1e9)
 
 
@@ -63,6 +64,8 @@ class BenchmarkConfig:
             which are added to.
         seed: Decides starts, sensor noise and the agents' own randomness.
         lidars: Own sensors by name.
+        poses: Own starts by the floor plan's name in the results, each (x, y, theta) in metres and radians: a
+            plan's starts from number 0 on. As many as `starts` at most; the others are drawn.
         simulation: How to simulate; its `sensor` is replaced by each of `sensors`.
         explain: Ask copies of agents with a predictor beside every decision what they would choose without
             it, and with the true rooms. It changes no run of those that keep what they remember in
@@ -84,6 +87,7 @@ class BenchmarkConfig:
     baseline: str = ""
     seed: int = 0
     lidars: Mapping[str, LidarConfig] = field(default_factory=dict)
+    poses: Mapping[str, Sequence[Sequence[float]]] = field(default_factory=dict)
     simulation: SimulationConfig = field(default_factory=SimulationConfig)
     explain: bool = True
     cell_seconds: float = 0.0
@@ -119,6 +123,7 @@ class BenchmarkConfig:
             if name not in self.agents:
                 raise unknown_name("agent of this benchmark", str(name), self.agents)
         check(self, starts=STARTS, seed=SEED, explain=FLAG, tries=COUNT, cell_seconds=LIMIT, cell_mb=LIMIT)
+        object.__setattr__(self, "poses", _poses_of(self.poses, self.starts))
         for name in self.sensors:
             if name not in self.lidars and name not in SENSORS:
                 raise unknown_name("sensor", name, [*SENSORS, *self.lidars])
@@ -137,6 +142,20 @@ class BenchmarkConfig:
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
+def _poses_of(given: Any, starts: int) -> dict[str, tuple[tuple[float, float, float], ...]]:
+    """Own starts by floor plan, as plain numbers."""
+    check_kind("poses", given, Mapping)
+    for name, poses in given.items():
+        check_kind("the floor plan of poses", name, str)
+        if not isinstance(poses, (tuple, list)) or len(poses) > starts:
+            raise ConfigError(
+                f"poses of {name!r} must be a list of [x, y, theta], no more than starts ({starts}), "
+                f"got {shortened(poses)}"
+            )
+    poses = {name: [_POSE.convert(f"a pose of {name!r}", p) for p in own] for name, own in given.items()}
+    return {name: tuple((float(x), float(y), float(t)) for x, y, t in own) for name, own in poses.items()}
+
+
 def _name_of(what: str, value: Any) -> Any:
     """The name of a floor plan or agent that is given as a path or an object; anything else as it is."""
     if what == "agents":
@@ -151,11 +170,13 @@ def settings(config: BenchmarkConfig) -> dict[str, Any]:
     if simulation["region"] is None:
         del simulation["region"]  # Results of versions without it belong to the same configuration.
     lidars = {name: dataclasses.asdict(config.simulation_with(name).lidar) for name in sorted(config.sensors)}
+    own = {"poses": config.poses} if config.poses else {}  # So do those of versions without poses.
     return {
         "version": layoutexplore.__version__,
         "seed": config.seed,
         "simulation": simulation,
         "lidars": lidars,
+        **own,
     }
 
 
@@ -164,7 +185,7 @@ def read_benchmark_config(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Keyword arguments for `BenchmarkConfig` from a TOML file.
 
     The keys are the fields of `BenchmarkConfig`; `[simulation]` holds those of `SimulationConfig` (without
-    `sensor`), `[lidars.NAME]` those of `LidarConfig`.
+    `sensor`), `[lidars.NAME]` those of `LidarConfig`, `[poses]` own starts.
 
     Raises:
         ConfigError: The file cannot be read, a key is unknown, or a value has the wrong type.

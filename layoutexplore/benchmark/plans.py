@@ -9,9 +9,13 @@ import numpy as np
 
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.rows import RunKey
-from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.errors import ConfigError, MapError, StartError, unknown_name
+from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.library import cached_plan
 from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.episode import start_pose
+from layoutexplore.simulation.region import region_mask
+from layoutexplore.simulation.robot import check_start
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +70,34 @@ def check_names(entries: Iterable[PlanEntry]) -> None:
                 'them alone, or change its name (the member "name" of our GeoJSON, else the file\'s)'
             )
         seen[plan.name] = plan.source
+
+
+def check_poses(config: BenchmarkConfig, plans: Iterable[PlanEntry]) -> None:
+    """See that all own starts are on floor plans of the benchmark, where the robot fits.
+
+    Raises:
+        UnknownNameError: There is no floor plan of that name.
+        StartError: The robot fits not there; the message names the nearest place.
+    """
+    sources, simulation = {plan.name: plan.source for plan in plans}, config.simulation
+    for name, poses in config.poses.items():
+        if name not in sources:
+            raise unknown_name("floor plan of poses", name, sources)
+        raster = cached_plan(sources[name]).rasterize(simulation.resolution)
+        inside = None if simulation.region is None else region_mask(raster, simulation.region)
+        for k, pose in enumerate(poses):
+            try:
+                check_start(raster, simulation.robot_radius, Pose(*pose), inside)
+            except StartError as error:
+                raise StartError(f"start {k} of {name}: {error}") from error
+
+
+def start_of(config: BenchmarkConfig, plan: PlanEntry, start: int) -> Pose:
+    """Start number `start` on a plan: the configuration's own, or drawn from its seed."""
+    own = config.poses.get(plan.name, ())
+    if start < len(own):
+        return Pose(*own[start])
+    return start_pose(cached_plan(plan.source), config.simulation, config.seed, start)
 
 
 @dataclass(frozen=True)

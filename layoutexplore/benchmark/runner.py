@@ -26,7 +26,15 @@ from layoutexplore.benchmark.failures import (
     repeating_command,
 )
 from layoutexplore.benchmark.manifest import mixed_code
-from layoutexplore.benchmark.plans import PlanEntry, Task, all_tasks, check_names, entry
+from layoutexplore.benchmark.plans import (
+    PlanEntry,
+    Task,
+    all_tasks,
+    check_names,
+    check_poses,
+    entry,
+    start_of,
+)
 from layoutexplore.benchmark.pool import Limited, run_all, taken_megabytes
 from layoutexplore.benchmark.recording import Recorder
 from layoutexplore.benchmark.rows import Row, fingerprints, has_own_code, prepare, score_run
@@ -39,7 +47,7 @@ from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.options import JOBS, check_kind
 from layoutexplore.plugins.transport import NO_CODE, OwnCode, pack_own_code
 from layoutexplore.processes import asked_to_stop
-from layoutexplore.simulation.episode import play, run_seed, start_pose
+from layoutexplore.simulation.episode import play, run_seed
 from layoutexplore.simulation.state import raster_of
 
 WARM_UP_PLAN = """
@@ -277,7 +285,7 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
     try:
         plan = cached_plan(task.plan.source)
         settings = config.simulation_with(task.sensor)
-        start = start_pose(plan, settings, config.seed, task.start)
+        start = start_of(config, task.plan, task.start)
         seed = run_seed(config.seed, task.plan.name, task.start)
         repeat = repeating_command(
             task.plan.source, task.agent, task.sensor, settings, seed, start, folder.path
@@ -329,6 +337,7 @@ def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[Plan
     report(f"reading {counted(len(sources), 'floor plan')}")
     plans = [entry(source, config.simulation) for source in sources]
     check_names(plans)
+    check_poses(config, plans)
     return plans
 
 
@@ -383,6 +392,6 @@ def _failed_row(task: Task, config: BenchmarkConfig, folder: ResultsFolder, mess
 def _repeating(task: Task, config: BenchmarkConfig, folder: ResultsFolder) -> str:
     """The command that repeats a run."""
     settings = config.simulation_with(task.sensor)
-    start = start_pose(cached_plan(task.plan.source), settings, config.seed, task.start)
+    start = start_of(config, task.plan, task.start)
     seed = run_seed(config.seed, task.plan.name, task.start)
     return repeating_command(task.plan.source, task.agent, task.sensor, settings, seed, start, folder.path)

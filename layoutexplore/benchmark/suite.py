@@ -22,7 +22,7 @@ from layoutexplore.maps.library import find_plans
 SUITES = {"v1": "fe1064b791c445c1"}
 """The hash of each suite that ships: of its file (`suite_v1.toml`) and of the contents of its floor plans."""
 
-_DECIDED = ("plans", "starts", "sensors", "seed", "baseline", "simulation", "lidars")
+_DECIDED = ("plans", "starts", "sensors", "seed", "baseline", "simulation", "lidars", "poses")
 
 
 @dataclass(frozen=True)
@@ -133,4 +133,5 @@ def cells_of(manifest: Mapping[str, Any]) -> dict[str, Any]:
         "seed": settings["seed"],
         "simulation": settings["simulation"],
         "lidars": settings["lidars"],
+        "poses": settings.get("poses", {}),
     }

@@ -66,6 +66,10 @@ def test_configuration_from_toml(tmp_path: Path) -> None:
         ("[simulation]\nresolution = true", "resolution must be a number from"),
         ("[simulation]\ngain_rays = 1.5", "gain_rays must be a whole number"),
         ("[simulation]\ngone_share = 7", "gone_share must be a number from 0 to 1"),
+        ("poses = 3", "poses must be a Mapping"),
+        ("[poses]\na = 3", "poses of 'a' must be a list of"),
+        ("starts = 1\n[poses]\na = [[1, 2, 0], [3, 4, 0]]", r"no more than starts \(1\)"),
+        ("[poses]\na = [[1, 2]]", "a pose of 'a' must be a list of 3 numbers"),
         ("baseline = 3", "baseline must be the name of an agent"),
     ],
 )
@@ -84,9 +88,15 @@ def test_a_configuration_that_is_not_there(tmp_path: Path) -> None:
 def test_the_hash_tells_settings_apart_but_not_what_is_run() -> None:
     config = BenchmarkConfig()
     assert config.config_hash == dataclasses.replace(config, agents=("tour",), starts=9).config_hash
-    others = [{"seed": 1}, {"simulation": SimulationConfig(turn_cost=0.1)}, {"sensors": ("short",)}]
+    others = [
+        {"seed": 1},
+        {"simulation": SimulationConfig(turn_cost=0.1)},
+        {"sensors": ("short",)},
+        {"poses": {"a": [(1, 2, 0)]}},
+    ]
     hashes = {dataclasses.replace(config, **change).config_hash for change in others}
-    assert len(hashes | {config.config_hash}) == 4
+    assert len(hashes | {config.config_hash}) == 5
+    assert BenchmarkConfig(poses={"a": [(1.0, 2.0, 0.0)]}).config_hash in hashes
 
 
 def test_cells_have_their_own_seeds() -> None:

@@ -18,7 +18,7 @@ from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.rows import prepare
 from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
-from layoutexplore.errors import ConfigError, MapError, ResultsError, UnknownNameError
+from layoutexplore.errors import ConfigError, MapError, ResultsError, StartError, UnknownNameError
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
@@ -61,6 +61,24 @@ def test_every_agent_and_sensor_starts_at_the_same_place(config: BenchmarkConfig
         starts.setdefault((row.plan, row.start), set()).add((row.start_x, row.start_y, row.start_theta))
     assert all(len(poses) == 1 for poses in starts.values())
     assert len(set().union(*starts.values())) == 4
+
+
+def test_own_starts_come_first_and_the_others_are_drawn(config: BenchmarkConfig, tmp_path: Path) -> None:
+    drawn = run_benchmark(config, tmp_path / "drawn")
+    there = {row.key[:2]: (row.start_x, row.start_y, row.start_theta) for row in drawn.rows}
+    pose = there["house", 1]
+    own = dataclasses.replace(config, poses={"house": [pose]})
+    outcome = run_benchmark(own, tmp_path / "own")
+    for row in outcome.rows:
+        expected = pose if row.key[:2] == ("house", 0) else there[row.key[:2]]
+        assert (row.start_x, row.start_y, row.start_theta) == pytest.approx(expected, abs=1e-5)
+    assert run_benchmark(own, tmp_path / "own").ran == 0
+    with pytest.raises(ResultsError, match=r"settings\.poses\.house"):
+        run_benchmark(config, tmp_path / "own")
+    with pytest.raises(StartError, match=r"start 0 of house: the start .* the nearest free place is"):
+        run_benchmark(dataclasses.replace(config, poses={"house": [(-50, 0, 0)]}), tmp_path / "wall")
+    with pytest.raises(UnknownNameError, match="did you mean 'house'"):
+        run_benchmark(dataclasses.replace(config, poses={"hous": [(1, 1, 0)]}), tmp_path / "name")
 
 
 def test_the_seed_decides_everything_but_time(config: BenchmarkConfig, tmp_path: Path) -> None:

@@ -33,11 +33,18 @@ def test_other_cells_than_released_are_told() -> None:
 
 def test_everything_that_is_defined_enters_the_hash(tmp_path: Path) -> None:
     text = 'plans = ["apartment-01"]\nstarts = 2\n[simulation]\nturn_cost = 0.5\n'
+    text += "[poses]\napartment-01 = [[1, 2, 3]]\n"
     hashes = set()
-    for old, new in (("", ""), ("apartment-01", "hall-01"), ("= 2", "= 3"), ("0.5", "0.25")):
+    for old, new in (
+        ("", ""),
+        ("apartment-01", "hall-01"),
+        ("= 2", "= 3"),
+        ("0.5", "0.25"),
+        (", 3]", ", 1]"),
+    ):
         (tmp_path / "mine.toml").write_text(text.replace(old, new) if old else text)
         hashes.add(load_suite(str(tmp_path / "mine.toml")).hash)
-    assert len(hashes) == 4
+    assert len(hashes) == 5
 
 
 def test_the_presets_of_a_suite_are_written_out() -> None:
