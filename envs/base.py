@@ -191,15 +191,16 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         return finished if self._counts_visits else 0
 
     def _metres_before(self, threshold: float) -> float:
-        """Metres of the step that has been made before the coverage reached a threshold."""
+        """Metres of the last step, within the budget, before the coverage reached a threshold."""
         simulation = self.simulation
         distance, _, coverage = self._before
         if coverage >= threshold:
             return 0.0
+        charged = min(simulation.distance, simulation.max_distance)
         if simulation.coverage < threshold:
-            return simulation.distance - distance
+            return charged - distance
         curve = simulation.curve
-        return distance_to_coverage(curve[:, 0], curve[:, 1], threshold, budget=0.0)[0] - distance
+        return distance_to_coverage(curve[:, 0], curve[:, 1], threshold, budget=charged)[0] - distance
 
     @property
     def info_types(self) -> dict[str, NDArray[np.generic]]:
