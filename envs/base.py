@@ -9,6 +9,7 @@ from __future__ import annotations
 import inspect
 import math
 import operator
+import os
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Self, TypeVar, cast
@@ -29,6 +30,7 @@ from layoutexplore.errors import ConfigError, StartError, shortened, unknown_nam
 from layoutexplore.frontiers.decision import Predictor
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import Pose
+from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN, distance_to_coverage
 from layoutexplore.options import SEED, check_keys, check_kind
 from layoutexplore.simulation.config import SimulationConfig
@@ -135,6 +137,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         super().reset(seed=None if seed is None else SEED.convert("seed", seed))
         self._plan_index, plan = self._plans.draw(self.np_random, self.progress)
         if options.get("plan") is not None:
+            check_kind('options["plan"]', options["plan"], FloorPlan, str, os.PathLike)
             self._plan_index, plan = -1, load(options["plan"])
         self._simulation_seed = int(self.np_random.integers(2**31))
         config = self._randomisation.draw(self.np_random, self.config) if self._randomisation else self.config
@@ -191,15 +194,16 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         return finished if self._counts_visits else 0
 
     def _metres_before(self, threshold: float) -> float:
-        """Metres of the step that has been made before the coverage reached a threshold."""
+        """Metres of the last step, within the budget, before the coverage reached a threshold."""
         simulation = self.simulation
         distance, _, coverage = self._before
         if coverage >= threshold:
             return 0.0
+        charged = min(simulation.distance, simulation.max_distance)
         if simulation.coverage < threshold:
-            return simulation.distance - distance
+            return charged - distance
         curve = simulation.curve
-        return distance_to_coverage(curve[:, 0], curve[:, 1], threshold, budget=0.0)[0] - distance
+        return distance_to_coverage(curve[:, 0], curve[:, 1], threshold, budget=charged)[0] - distance
 
     @property
     def info_types(self) -> dict[str, NDArray[np.generic]]:

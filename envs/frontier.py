@@ -86,7 +86,7 @@ class FrontierEnv(ExplorationEnv[np.int64]):
     | `path_length` | length of the shortest known path to where it is looked at from |
     | `straight_distance` | distance to its middle as the crow flies |
     | `turn` | direction of its middle relative to the heading, in half turns, -1 ... 1, left positive |
-    | `size` | its length |
+    | `size` | its length: number of cells times the resolution |
     | `visible_area` | unknown area that would be in view |
     | `detour` | metres by which the tour over frontiers that need not wait grows with this one first |
     | `tour_rank` | 1 / position in that tour, 0 when it is not in it |

@@ -23,7 +23,7 @@ from layoutexplore.errors import MapError, MapWarning, cause, checks_arguments, 
 from layoutexplore.files import is_there, read_json
 from layoutexplore.files.limits import VARIABLE, limits
 from layoutexplore.files.reading import is_file, shown_path
-from layoutexplore.files.run_folders import QUARTERLY_NAMES
+from layoutexplore.files.run_folders import QUARTERLY_NAMES, RUN_MAP, WHAT_A_RUN_SAW, is_of_run
 from layoutexplore.files.schema import Items, TableOf, Text
 from layoutexplore.grids.grid import check_resolution
 from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, YAML_SUFFIXES, images_of
@@ -266,7 +266,7 @@ def expand_plans(spec: str | os.PathLike[str]) -> list[str]:
         MapError: No such file, or a folder without floor plans.
 
     Warns:
-        MapWarning: A file of a folder is left out: a GeoJSON of lines and points only, one without a floor.
+        MapWarning: A file of a folder is left out (a GeoJSON without areas or a floor), or the map of a run.
     """
     check_kind("a floor plan", spec, str, os.PathLike)
     text = os.fspath(spec)
@@ -282,10 +282,9 @@ def expand_plans(spec: str | os.PathLike[str]) -> list[str]:
     if building_format(path):
         return [text] if level else floors_of(path) or [text]  # who loads one without floors says so
     if path.is_dir():
-        found = _plans_in(path)
-        if not found:
-            raise MapError(f"{path}: no floor plan inside this folder")
-        return found
+        if found := _plans_in(path):
+            return found
+        raise MapError(f"{path}: no floor plan inside this folder")
     return [text]
 
 
@@ -299,8 +298,9 @@ def _plans_in(folder: Path) -> list[str]:
         elif building_format(path.parent) is None and _is_plan(path):
             plans = [] if _is_without_areas(path) else [str(path)]
             why_none = "its features are lines or points, so that it is no floor plan"
-        if why_none and not plans:
-            warnings.warn(f"{path}: left out: {why_none}", MapWarning, stacklevel=4)
+        said = WHAT_A_RUN_SAW if path.name == RUN_MAP and is_of_run(path) else ""
+        if said := f"left out: {why_none}" if why_none and not plans else said:
+            warnings.warn(f"{path}: {said}", MapWarning, stacklevel=4)
         found += plans
     return found
 
@@ -346,7 +346,7 @@ def _expand_seeds(family: str, first: int, last: int) -> list[str]:
 def _is_plan(path: Path) -> bool:
     """Whether a file of a folder is a floor plan of its own, not a part of another or something else."""
     suffix = path.suffix.lower()
-    of_run = path.name in QUARTERLY_NAMES and is_file(path.with_name("track.csv"))
+    of_run = path.name in QUARTERLY_NAMES and is_of_run(path)
     if not path.is_file() or suffix not in SUFFIXES or path.name.startswith(".") or of_run:
         return False
     if suffix == ".json":

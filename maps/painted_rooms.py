@@ -70,7 +70,8 @@ def find_cases(
             and the folder's name where it tells nothing.
 
     Raises:
-        MapError: A folder is missing or holds no such pair, or a map or an index cannot be read.
+        MapError: A folder is missing or holds no such pair, or an index cannot be read. (What is wrong with a
+            map says `read_case`.)
     """
     found: dict[Path, list[tuple[Path, Path]]] = {}
     for folder in map(Path, folders):
@@ -130,8 +131,11 @@ def _united(cases: Sequence[Case]) -> list[Case]:
 
 
 def _digest(image: Path) -> bytes:
-    """Of the grey levels of an image."""
-    grey = read_image(image)[0]
+    """Of the grey levels of an image; of one that cannot be read, of its path."""
+    try:
+        grey = read_image(image)[0]
+    except MapError:
+        return os.fsencode(image)
     return hashlib.sha256(repr(grey.shape).encode() + grey.tobytes()).digest()
 
 

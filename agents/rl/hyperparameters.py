@@ -117,6 +117,9 @@ class NetworkConfig:
 class ImitationConfig:
     """Imitation of an agent by DAgger before learning by reward.
 
+    The explorations take place on plans of the whole range of sizes, also where plans grow with the training
+    (`first_area`): a teacher needs no easy beginning.
+
     Attributes:
         teacher: Name of the agent; "" for none.
         episodes: Explorations of all rounds together.

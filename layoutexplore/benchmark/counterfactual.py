@@ -80,7 +80,8 @@ class DecisiveDecision:
         members: int32 (n, 2), the frontiers' cells.
         offsets: int64 (k + 1,), where each frontier's cells begin.
         seen_after: Metres walked until the frontier that was given up was gone; NaN when it never was.
-        came_back: Whether the robot went to it later.
+        came_back: Whether the robot went to it later: to a frontier with some of its cells, or by a path of
+            the agent's own that ends within 2 m of it.
     """
 
     distance: float
@@ -295,13 +296,16 @@ class CounterfactualRollouts:
     def _pursue(self, decision: Decision, choice: Choice) -> None:
         """See what becomes of the frontiers that were given up."""
         self._settle()
-        if isinstance(choice, PATHS) or choice == STOP:
+        if isinstance(choice, PATHS):
+            end, near = path_of(choice)[-1], _NEAR / decision.grid.resolution
+            comes = [bool((np.hypot(*(kept.cells - end).T) <= near).any()) for _, _, kept in self._kept]
+        elif choice == STOP:
             return
-        goal = {(int(row), int(col)) for row, col in decision.frontiers[choice].cells}
-        for _, _, kept in self._kept:
-            if np.isnan(kept.decided.seen_after) and any(
-                (int(row), int(col)) in goal for row, col in kept.cells
-            ):
+        else:
+            goal = set(map(tuple, decision.frontiers[choice].cells.tolist()))
+            comes = [not goal.isdisjoint(map(tuple, kept.cells.tolist())) for _, _, kept in self._kept]
+        for (_, _, kept), is_goal in zip(self._kept, comes, strict=True):
+            if is_goal and np.isnan(kept.decided.seen_after):
                 kept.decided = dataclasses.replace(kept.decided, came_back=True)
 
     def _settle(self) -> None:

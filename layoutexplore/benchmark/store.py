@@ -25,7 +25,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
 from layoutexplore.benchmark.config import BenchmarkConfig
@@ -62,6 +61,7 @@ from layoutexplore.files import (
     write_arrays,
     write_atomically,
 )
+from layoutexplore.files.locking import LOCK, held
 from layoutexplore.grids.arrays import Floats, Mask, stored_places
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.simulation.episode import Episode
@@ -93,9 +93,6 @@ _FILES = ("results.csv", "results.parquet", "summary.csv", "report.html", "repor
 
 _OF_PAPER = re.compile(r"(plans|behaviour|profiles|(ratios|coverage|stops|layout)-.+)\.(csv|tex|svg|pdf)")
 """Names of the files that `report --paper` writes."""
-
-LOCK = ".lock"
-"""File that is held while a benchmark writes."""
 
 
 @checks_calls
@@ -313,25 +310,8 @@ def locked(path: str | os.PathLike[str]) -> Iterator[None]:
     ours = any((path / name).exists() for name in ("run.toml", LOCK))
     if path.exists() and any(path.iterdir()) and not ours:
         raise ResultsError(f"{path} is not empty and holds no benchmark: choose another folder with --out")
-    lock = path / LOCK
-    held = FileLock(lock, timeout=0)
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        held.acquire()
-    except Timeout as error:
-        raise ResultsError(
-            f"another benchmark is writing into {path}: wait for it, or choose another --out"
-        ) from error
-    except OSError as error:
-        raise ResultsError(
-            f"cannot write into {path} ({error.strerror}): choose another folder with --out"
-        ) from error
-    try:
+    with held(path, "benchmark"):
         yield
-    finally:
-        with contextlib.suppress(OSError):  # Windows removes no file that is open: releasing it does
-            lock.unlink(missing_ok=True)
-        held.release()
 
 
 def open_results(

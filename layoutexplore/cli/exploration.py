@@ -137,10 +137,10 @@ def save_run(folder: Path, simulation: Simulation, watcher: RunWatcher) -> list[
     import numpy as np
 
     from layoutexplore.files import write_atomically
-    from layoutexplore.files.run_folders import QUARTERLY, QUARTERLY_NAMES
+    from layoutexplore.files.run_folders import QUARTERLY, QUARTERLY_NAMES, RUN_MAP
     from layoutexplore.grids.ros_map import save_grid
 
-    save_grid(simulation.mapper.grid, folder / "map.yaml")
+    save_grid(simulation.mapper.grid, folder / RUN_MAP)
     tables = {
         "track": (simulation.track, "%.4f", "x,y,theta"),
         "curve": (simulation.curve, ["%.6f", "%.6f", "%d"], "distance,coverage,scan"),
@@ -160,7 +160,7 @@ def save_run(folder: Path, simulation: Simulation, watcher: RunWatcher) -> list[
         write_atomically(folder / name, content)
     for name in () if watcher.goes_on else sorted(set(QUARTERLY_NAMES) - set(made)):
         (folder / name).unlink(missing_ok=True)
-    return [folder / name for name in ("map.yaml", "track.csv", "curve.csv", *made)]
+    return [folder / name for name in (RUN_MAP, "track.csv", "curve.csv", *made)]
 
 
 def check_run_files(sources: list[str], folder: Path | None, state: Path | None) -> None:
@@ -170,12 +170,12 @@ def check_run_files(sources: list[str], folder: Path | None, state: Path | None)
         ConfigError: They have not, or would be.
     """
     from layoutexplore.files import check_file, check_kept
-    from layoutexplore.files.run_folders import QUARTERLY_NAMES
+    from layoutexplore.files.run_folders import QUARTERLY_NAMES, RUN_MAP
     from layoutexplore.maps.library import source_files
 
     kept = [file for source in sources for file in source_files(source)]
     if folder is not None:
-        names = ("map.yaml", "map.pgm", "track.csv", "curve.csv", *QUARTERLY_NAMES)
+        names = (RUN_MAP, "map.pgm", "track.csv", "curve.csv", *QUARTERLY_NAMES)
         check_kept([folder / name for name in names], kept)
     if state is not None:
         check_file(state, suffixes=(".npz",), option="--save-state", kept=kept)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -142,6 +143,7 @@ def explore(
     )
     from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.files import check_places
+    from layoutexplore.files.locking import held
     from layoutexplore.simulation.episode import play
     from layoutexplore.simulation.saved_run import read_saved_run
 
@@ -156,23 +158,24 @@ def explore(
     simulation, chosen = prepare(plan, settings, agent)
     note_unused(simulation)
     begin, pause = parse_start(start), math.inf if pause_after is None else pause_after
-    with ProgressLine(console, "% seen") as line, film_of(video, fps) as film:
-        watcher = RunWatcher(line, agent, pictures=bool(out), state_file=save_state, goes_on=bool(saved))
-        if film:
-            simulation.on_scan = lambda state: film.add(watcher.draw(state))
-        until = functools.partial(_has_come, pause)
-        episode = play(
-            simulation, chosen, seed=seed, start=begin, on_step=watcher.note, until=until, saved=saved
-        )
-        watcher.save(simulation)
-        simulation.on_scan = None
-    row = Row(plan=simulation.plan.name, start=0, sensor=sensor, agent=agent, seed=seed)
-    row = score_run(row, simulation, episode)
-    back = way_home(simulation) if returns and simulation.done else ""
-    console.print(summary(row, filmed=video is not None, back=back, prior=watcher.belief(simulation)))
-    written = [path for path in (video, save_state) if path]
-    for path in (*written, *(save_run(out, simulation, watcher) if out else ())):
-        console.print(f"wrote {path}", soft_wrap=True)
+    with held(out, "run") if out else nullcontext():
+        with ProgressLine(console, "% seen") as line, film_of(video, fps) as film:
+            watcher = RunWatcher(line, agent, pictures=bool(out), state_file=save_state, goes_on=bool(saved))
+            if film:
+                simulation.on_scan = lambda state: film.add(watcher.draw(state))
+            until = functools.partial(_has_come, pause)
+            episode = play(
+                simulation, chosen, seed=seed, start=begin, on_step=watcher.note, until=until, saved=saved
+            )
+            watcher.save(simulation)
+            simulation.on_scan = None
+        row = Row(plan=simulation.plan.name, start=0, sensor=sensor, agent=agent, seed=seed)
+        row = score_run(row, simulation, episode)
+        back = way_home(simulation) if returns and simulation.done else ""
+        console.print(summary(row, filmed=video is not None, back=back, prior=watcher.belief(simulation)))
+        written = [path for path in (video, save_state) if path]
+        for path in (*written, *(save_run(out, simulation, watcher) if out else ())):
+            console.print(f"wrote {path}", soft_wrap=True)
 
 
 def _has_come(metres: float, simulation: Simulation) -> bool:

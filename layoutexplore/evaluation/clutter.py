@@ -140,6 +140,7 @@ def run_study(
         raise MapError("the clutter study needs at least one map")
     for name, grid in maps.items():
         check_kind(f"map {name!r}", grid, OccupancyGrid)
+        check_for_clutter(name, grid)
     maps = {name: grid.trinary for name, grid in maps.items()}
     trials: list[ClutterTrial] = []
     for k, (name, grid) in enumerate(maps.items(), start=1):
@@ -151,10 +152,16 @@ def run_study(
 
 
 @checks_arguments
-def trials_of_map(name: str, grid: OccupancyGrid, config: ClutterConfig) -> Iterator[ClutterTrial]:
-    """The trials of one map, in the order of shapes, counts and sizes."""
+def check_for_clutter(name: str, grid: OccupancyGrid) -> None:
+    """Raise `MapError` where a map has no walls, or no free space for clutter to lie on."""
     if not grid.occupied.any() or not grid.free.any():
         raise MapError(f"{name}: the clutter study needs a map with walls and free space")
+
+
+@checks_arguments
+def trials_of_map(name: str, grid: OccupancyGrid, config: ClutterConfig) -> Iterator[ClutterTrial]:
+    """The trials of one map, in the order of shapes, counts and sizes."""
+    check_for_clutter(name, grid)
     truth = wall_lines(grid) if config.lines else None
     for shape, count, size in itertools.product(config.shapes, config.counts, config.sizes):
         rng = np.random.default_rng([config.seed, SHAPES.index(shape), count, size])

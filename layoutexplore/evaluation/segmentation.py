@@ -17,7 +17,7 @@ import numpy as np
 from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
-from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION
+from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, usable_maps
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case, check_bright, read_case
@@ -55,6 +55,23 @@ class MapScore:
     seed: int = 0
     m_per_px: float = DEFAULT_RESOLUTION
     warnings: str = ""
+
+
+@checks_arguments
+def usable_cases(cases: Sequence[Case], resolution: float) -> tuple[list[Case], list[str]]:
+    """The maps that can be scored, and what is wrong with each of the others.
+
+    Args:
+        cases: The maps.
+        resolution: Metres a pixel where a map's folder does not say it.
+    """
+
+    def read(case: Case) -> Case:
+        grid, _, free = read_case(case, resolution)
+        check_bright(case, grid, free)
+        return case
+
+    return usable_maps(read, cases)
 
 
 @checks_arguments

@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 import os
 import warnings
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import cv2
 import numpy as np
@@ -28,7 +29,7 @@ from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pos
 from layoutexplore.grids.image_map import grid_from_image, is_from_map_saver
 from layoutexplore.options import check_kind
 
-__all__ = ["DEFAULT_RESOLUTION", "grid_from_image", "load_grid", "read_image", "save_grid"]
+__all__ = ["DEFAULT_RESOLUTION", "grid_from_image", "load_grid", "read_image", "save_grid", "usable_maps"]
 
 DEFAULT_RESOLUTION = 0.05
 """Metres a pixel of a plain image for which no resolution is given: that of most published grid maps."""
@@ -45,6 +46,9 @@ MOST_METRES = 1e8
 _LONGEST_NAME = 250
 _OCCUPIED_THRESHOLD, _FREE_THRESHOLD = 0.65, 0.196
 _SAVED_UNKNOWN = 205
+
+S = TypeVar("S")
+T = TypeVar("T")
 
 UnknownGrey = int | Literal["auto", "none"]
 """Which grey level of a map is unknown: a number, "auto" (found in the map) or "none"."""
@@ -96,6 +100,28 @@ def load_grid(
         transparent=transparent,
         unknown_grey=unknown_grey,
     )
+
+
+@checks_arguments
+def usable_maps(read: Callable[[S], T], maps: Iterable[S]) -> tuple[list[T], list[str]]:
+    """What was read of those maps of a study that can be used, and what is wrong with each of the others.
+
+    Args:
+        read: Reads a map, or raises a `MapError`.
+        maps: What it is to read, one after the other.
+
+    Raises:
+        MapError: None of them can be used.
+    """
+    found, wrong = [], []
+    for each in maps:
+        try:
+            found.append(read(each))
+        except MapError as error:
+            wrong.append(str(error))
+    if wrong and not found:
+        raise MapError("; ".join(wrong))
+    return found, wrong
 
 
 @checks_arguments

@@ -76,7 +76,7 @@ def score_curve(
 
     Args:
         curve: float (n, 2 or more) rows of (metres travelled, coverage 0..1), both never falling.
-        budget: Metres charged for a level that was not reached.
+        budget: Metres charged for a level that was not reached, and at most.
         target_area: Square metres that could be seen.
         goal: Coverage at which the run was ended; the distance of a level above it was not measured and is
             NaN, also where the last scan saw so much, and the level counts as not reached.
@@ -115,7 +115,8 @@ def distance_to_coverage(
         distance: float (n,) metres, never falling.
         coverage: float (n,) shares 0..1, never falling.
         level: The share asked for.
-        budget: What is charged when the level was not reached.
+        budget: What is charged when the level was not reached, and at most: the turn for a last scan may go
+            beyond it.
 
     Returns:
         The metres, and whether the level was reached.
@@ -132,9 +133,9 @@ def distance_to_coverage(
         return float(budget), False
     k = int(np.argmax(above))
     if k == 0 or share[k] == share[k - 1]:
-        return float(metres[k]), True
+        return min(float(metres[k]), float(budget)), True
     t = (level - share[k - 1]) / (share[k] - share[k - 1])
-    return float(metres[k - 1] + t * (metres[k] - metres[k - 1])), True
+    return min(float(metres[k - 1] + t * (metres[k] - metres[k - 1])), float(budget)), True
 
 
 @checks_arguments

@@ -55,9 +55,9 @@ def _of_cells(rows: Sequence[Row], baseline: str, planned: int) -> list[str]:
 
 def _of_sampling(rows: Sequence[Row], candidates: int) -> list[str]:
     """What follows from the runs that were made."""
-    buildings = len({row.cluster for row in rows})
+    buildings = len({row.cluster for row in rows if not row.error})
     said = []
-    if buildings < 10:
+    if 0 < buildings < 10:
         said.append(
             "Intervals resample buildings, and there "
             + (

@@ -18,7 +18,7 @@ MOST_DOTS = 1500
 """Dots of a scatter; of more, every n-th is drawn."""
 
 _STEP = 0.25
-"""Between the labels of an axis."""
+"""Between the labels of an axis that is not long."""
 
 _BINS = 10
 """Bins of a calibration between one half and 1."""
@@ -99,9 +99,12 @@ def line_chart(
         values: By name, one interval a stratum; NaN where there is none.
         strata: Labels along the x axis.
         main: The name that wears the first colour.
-        low: Least value of the y axis.
-        high: Greatest value.
+        low: Where the y axis begins, unless a value is less.
+        high: Where it ends, unless one is greater.
     """
+    found = [value.estimate for line in values.values() for value in line if math.isfinite(value.estimate)]
+    low = _STEP * math.floor(min([low, *found]) / _STEP)
+    high = _STEP * math.ceil(max([high, *found]) / _STEP)
     slot = 100 / max(len(strata), 1)
 
     def height(value: float) -> float:
@@ -126,7 +129,8 @@ def line_chart(
     ]
     x_ticks = tuple((round((n + 0.5) * slot, 2), text) for n, text in enumerate(strata))
     count = round((high - low) / _STEP)
-    y_ticks = tuple((height(low + n * _STEP), f"{low + n * _STEP:g}") for n in range(count + 1))
+    every = max(1, round(count / 8))
+    y_ticks = tuple((height(low + n * _STEP), f"{low + n * _STEP:g}") for n in range(0, count + 1, every))
     return Chart(tuple(series), Ticks(x_ticks, y_ticks))
 
 

@@ -219,7 +219,9 @@ def stop_plot(stops: Sequence[EarlyStop], looks: Mapping[str, Look]) -> StopPlot
     points = round(100 * right)
     step = max(1, round(points / 6))
     x_ticks = [(x(value / 100), f"{value}") for value in range(0, points + 1, step)]
-    y_ticks = [(y(value / 100), f"{value} %") for value in range(round(100 * low), round(100 * high) + 1, 10)]
+    step = 10 * max(1, round((high - low) * 10 / 12))
+    first = -step * (round(-100 * low) // step)
+    y_ticks = [(y(value / 100), f"{value} %") for value in range(first, round(100 * high) + 1, step)]
     return StopPlot(marks, x_ticks, y_ticks, x(POINTS_LOST))
 
 
@@ -298,18 +300,23 @@ def _line(curve: Floats) -> str:
 def _runs_shown(
     runs: Sequence[tuple[Row, BelievedPlan]], base: Mapping[CellKey, Row], level: str
 ) -> tuple[BeliefRun, ...]:
-    """The run that gained most and the one that gained least against the baseline, at a level or in all."""
+    """The run that gained most and the one that gained least against the baseline, at a level or in all.
+
+    The first one where none can be compared.
+    """
     ratios, scale = [], f"to {level[1:]}{_NBSP}%" if level else "in all"
     for k, (row, _) in enumerate(runs):
         other = base.get(row.cell)
         mine, theirs = (getattr(each, level or "distance") if each else 0.0 for each in (row, other))
-        ratios.append((mine / theirs if theirs > 0 else 1.0, k))
-    found: list[BeliefRun] = []
-    for word, (ratio, k) in (("gained most", min(ratios)), ("gained least", max(ratios))):
+        if theirs > 0:
+            ratios.append((mine / theirs, k))
+    chosen: dict[int, str] = {}
+    for word, end in (("gained most", min), ("gained least", max)) if ratios else ():
+        ratio, k = end(ratios)
+        chosen.setdefault(k, f"{word}, {number(ratio)} of the metres {scale}")
+    found = []
+    for k, why in (chosen or {0: "there is nothing to compare it with"}).items():
         row, plan = runs[k]
-        if found and found[0].row is row:
-            continue
-        why = f"{word}, {number(ratio)} of the metres {scale}"
         pictures = tuple(_belief_picture(plan, n) for n in range(len(plan.at)))
         found.append(BeliefRun(row, why, pictures))
     return tuple(found)

@@ -82,6 +82,7 @@ def write_segmentation_report(
     protocol: str,
     resolution: float,
     command: str,
+    failed: Sequence[str] = (),
 ) -> list[Path]:
     """Write `results.csv`, `pictures/SET_MAP_METHOD.png` (of seed 0) and `report.html` into a folder.
 
@@ -92,6 +93,7 @@ def write_segmentation_report(
         protocol: Named on the page.
         resolution: Metres a pixel where a map's folder does not say it.
         command: Noted on the page.
+        failed: What is wrong with each map that could not be used.
     """
     rows = [row for _, row, _ in results]
     columns = [field.name for field in fields(MapScore)]
@@ -118,6 +120,7 @@ def write_segmentation_report(
         buildings=len({row.building for row in rows}),
         methods=len({row.method for row in rows}),
         command=command,
+        failed=failed,
     )
     write_atomically(out / "report.html", page)
     return [out / "report.html", out / "results.csv"]

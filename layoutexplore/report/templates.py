@@ -1,4 +1,4 @@
-"""Pages from templates: one file each, nothing fetched, readable on a telephone and on paper."""
+"""Pages from templates: one file each, nothing fetched, readable on a telephone, a dark screen and paper."""
 
 from __future__ import annotations
 
@@ -166,6 +166,12 @@ def _style() -> Any:
     from markupsafe import Markup
 
     steps = ", ".join(map(palette.to_hex, palette.RAMP))
-    colours = f"--blue: {palette.to_hex(palette.BETTER)}; --orange: {palette.to_hex(palette.WORSE)};"
+    named = {
+        "better": palette.BETTER,
+        "worse": palette.WORSE,
+        "better-on-dark": palette.mix(palette.BETTER, palette.WHITE, 0.5),
+        "worse-on-dark": palette.mix(palette.WORSE, palette.WHITE, 0.35),
+    }
+    colours = " ".join(f"--{name}: {palette.to_hex(colour)};" for name, colour in named.items())
     root = f":root {{ {colours} --ramp: linear-gradient(90deg, {steps}); }}\n"
     return Markup(root + (TEMPLATES / "style.css").read_text(encoding="utf-8"))

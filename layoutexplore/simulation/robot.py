@@ -151,10 +151,13 @@ class _Track:
 
     def replace_last(self, pose: Pose) -> None:
         """Another pose instead of the last one."""
-        self._rows[self._count - 1] = pose
+        self._count -= 1
+        self.add(pose)
 
     def add(self, poses: Pose | Floats) -> None:
-        """One pose, or float64 (n, 3)."""
+        """One pose, of which drift may have turned the heading beyond pi, or float64 (n, 3)."""
+        if isinstance(poses, Pose):
+            poses = poses._replace(theta=math.remainder(poses.theta, 2 * math.pi))
         rows = np.asarray(poses, np.float64).reshape(-1, 3)
         end = self._count + len(rows)
         if end > len(self._rows):
@@ -191,7 +194,7 @@ class Robot:
 
     @property
     def track(self) -> Floats:
-        """float64 (n, 3): the true poses so far, as (x, y, theta)."""
+        """float64 (n, 3): the true poses so far, as (x, y, theta), theta from -pi to pi."""
         return self._track.poses
 
     @property

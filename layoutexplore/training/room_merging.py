@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from layoutexplore.errors import MapError
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.layout.merging.agglomeration import training_samples
 from layoutexplore.layout.merging.pair_features import FEATURES, OF_NETWORK
@@ -92,6 +93,9 @@ def train_forest(examples: Sequence[Example], config: MergingTrainingConfig | No
     Args:
         examples: Maps of at least one building.
         config: The options.
+
+    Raises:
+        MapError: Every map is a single region: there is nothing to merge.
     """
     config = config or MergingTrainingConfig()
     forest, samples, keys = first_forest(), [], []
@@ -99,6 +103,8 @@ def train_forest(examples: Sequence[Example], config: MergingTrainingConfig | No
         for example in examples:
             samples.append(training_samples(example.graph, forest, example.rooms))
             keys.append(kind_of(example))
+        if not any(map(len, samples)):
+            raise MapError("nothing to train on: no map falls into two regions beside each other")
         table, weights = _quantised(np.vstack(samples)), _weights(samples, keys, config)
         if config.blind:
             table[:, [FEATURES.index(name) for name in OF_NETWORK]] = 0.0

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import layoutexplore
 from layoutexplore.errors import LayoutExploreError, ResultsError, shortened
 from layoutexplore.files import ArrayRule, read_arrays, safe_name, write_arrays
 from layoutexplore.files.archives import check_arrays
@@ -54,7 +55,8 @@ def explore_plan(
         seed: Decides the start.
         coverages: Rising shares 0..1.
         noise: Level of `layoutexplore.simulation.config.NOISE`, or none.
-        store: Folder in which explorations are kept; one that is there, whole, is read instead of run again.
+        store: Folder in which explorations are kept; one that is there, whole and made by this version, is
+            read instead of run again.
     """
     simulation = Simulation(plan, SimulationConfig(sensor=sensor, noise=noise))
     path = store and store / f"{_key(plan, simulation, seed, agent.name, coverages)}.npz"
@@ -105,7 +107,8 @@ def _decision(
 
 
 def _key(plan: FloorPlan, simulation: Simulation, seed: int, agent: str, coverages: Sequence[float]) -> str:
-    text = json.dumps([plan.raster_hash, repr(simulation.config), seed, agent, list(coverages)])
+    made_by = layoutexplore.__version__
+    text = json.dumps([made_by, plan.raster_hash, repr(simulation.config), seed, agent, list(coverages)])
     return f"{safe_name(plan.name)}-{hashlib.sha256(text.encode()).hexdigest()[:16]}"
 
 

@@ -29,7 +29,7 @@ from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.cli import app
 from layoutexplore.errors import ConfigError
-from layoutexplore.frontiers.decision import STOP, Choice, Decision
+from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.predictors import make_predictor
@@ -257,6 +257,27 @@ def test_moments_say_what_came_of_them(plan: FloorPlan) -> None:
             assert (moment.cells[rows, cols] == 0).all()  # frontiers are free cells of the part that is kept
         count += len(told.decisive)
     assert count
+
+
+class Walking:
+    """Goes where another agent goes by paths of its own, unless the layout is hidden."""
+
+    name = "walking"
+
+    def __init__(self, inner: Agent) -> None:
+        self.inner, self.reset = inner, inner.reset
+
+    def act(self, decision: Decision) -> Choice:
+        choice = self.inner.act(decision)
+        path = decision.field.path_to(decision.frontiers[choice].viewpoint)
+        return path if decision.frontiers[0].is_closed is not None and len(path) > 1 else choice
+
+
+def test_who_goes_back_by_a_path_goes_back(plan: FloorPlan) -> None:
+    simulation, agent = prepare(plan, SimulationConfig(sensor="stage"), "layout-tour:predictor=oracle")
+    notes = play(simulation, Walking(agent), seed=1, probe=CounterfactualRollouts).notes
+    assert notes is not None and len(notes.decisive) > 1
+    assert any(decided.came_back for decided in notes.decisive)
 
 
 def test_what_is_kept_survives_the_file(plan: FloorPlan, tmp_path: Path) -> None:

@@ -8,6 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from layoutexplore import cli
+from layoutexplore.errors import MapWarning, ResultsError
+from layoutexplore.files.locking import LOCK, held
 from layoutexplore.maps import expand_plans
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.simulation.saved_run import read_saved_run
@@ -73,6 +75,18 @@ def test_a_folder_holds_the_pictures_of_one_run(plan: str, tmp_path: Path) -> No
     assert before < set(folder.iterdir()), "a run that goes on keeps the pictures of its beginning"
 
 
+def test_two_runs_do_not_write_into_one_folder_at_once(plan: str, tmp_path: Path) -> None:
+    command = ["explore", plan, "--sensor", "indoor", "--out", str(tmp_path)]
+    with held(tmp_path, "run"):
+        result = RUNNER.invoke(cli.app, command)
+        assert isinstance(result.exception, ResultsError) and "another run is writing" in str(
+            result.exception
+        )
+        assert [path.name for path in tmp_path.iterdir()] == [LOCK]
+    assert RUNNER.invoke(cli.app, command).exit_code == 0
+    assert (tmp_path / "map.yaml").exists() and not (tmp_path / LOCK).exists()
+
+
 def test_a_run_that_goes_on_draws_what_an_unbroken_one_draws(plan: str, tmp_path: Path) -> None:
     whole, parts, state = tmp_path / "whole", tmp_path / "parts", tmp_path / "run.npz"
     explore(plan, "--sensor", "indoor", "--out", str(whole))
@@ -88,8 +102,9 @@ def test_a_run_that_goes_on_draws_what_an_unbroken_one_draws(plan: str, tmp_path
 
 def test_a_run_is_not_written_over_rooms_that_it_reads(plan: str, tmp_path: Path) -> None:
     explore(plan, "--sensor", "indoor", "--agent", "layout-tour", "--out", str(tmp_path))
-    # In a folder of floor plans, they and the pictures are none.
-    assert expand_plans(tmp_path) == [str(tmp_path / "map.yaml")]
+    # In a folder of floor plans, they and the pictures are none; the map is one, as far as it goes.
+    with pytest.warns(MapWarning, match=r"map\.yaml: is the map of a run"):
+        assert expand_plans(tmp_path) == [str(tmp_path / "map.yaml")]
     rooms = tmp_path / "rooms_100.geojson"
     result = RUNNER.invoke(cli.app, ["explore", str(rooms), "--agent", "layout-tour", "--out", str(tmp_path)])
     assert "rooms_100.geojson is read and would be written over" in str(result.exception)

@@ -68,6 +68,13 @@ def test_bad_reset_options_are_refused(name: str, options: dict[str, Any], error
         make(name).unwrapped.reset(seed=0, options=options)
 
 
+def test_a_plan_that_is_none_is_told_by_the_option() -> None:
+    with pytest.raises(
+        ConfigError, match=r'options\["plan"\] must be a FloorPlan or a str or a PathLike, got 3'
+    ):
+        make(IDS[0]).unwrapped.reset(options={"plan": 3})
+
+
 @cases
 def test_actions_outside_of_the_space_are_refused(name: str, options: dict[str, Any]) -> None:
     env = make(name, **options).unwrapped

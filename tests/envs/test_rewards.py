@@ -119,10 +119,15 @@ def test_finished_rooms_earn_a_bonus() -> None:
     assert reads_rooms(lambda transition: 0.0) and not reads_rooms(PathToMarks(weight_95=0.0))
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_the_return_of_path_to_marks_is_what_the_benchmark_reports(seed: int) -> None:
+@pytest.mark.parametrize(
+    ("seed", "options"), [(0, {}), (1, {}), (1, {"turn_cost": 0.5, "max_distance": 20.0})], ids=str
+)
+def test_the_return_of_path_to_marks_is_what_the_benchmark_reports(
+    seed: int, options: dict[str, float]
+) -> None:
+    config = SimulationConfig(sensor="short", **options)
     env = gymnasium.make(
-        "LayoutExplore/Frontier-v0", plan=rooms(), sensor="short", reward="path_to_marks"
+        "LayoutExplore/Frontier-v0", plan=rooms(), simulation=config, reward="path_to_marks"
     ).unwrapped
     env.reset(seed=seed)
     total, over = 0.0, False
@@ -130,6 +135,7 @@ def test_the_return_of_path_to_marks_is_what_the_benchmark_reports(seed: int) ->
         _, value, terminated, truncated, _ = env.step(0)
         total, over = total + value, terminated or truncated
     curve, simulation = env.simulation.curve, env.simulation
+    assert (simulation.distance > simulation.max_distance) == bool(options), "turns beyond the budget"
     marks = [
         distance_to_coverage(curve[:, 0], curve[:, 1], mark, budget=simulation.max_distance)[0]
         for mark in (0.95, 0.99)

@@ -69,6 +69,13 @@ def test_against_a_fine_sampling(steps: list[tuple[float, float]], level: float,
     )
 
 
+def test_a_mark_costs_the_budget_at_most() -> None:
+    turned = [0.0, 9.0, 11.0], [0.5, 0.9, 1.0]
+    assert distance_to_coverage(*turned, 0.99, budget=10.0) == (10.0, True)
+    assert distance_to_coverage([0.0, 11.0, 11.0], [0.5, 0.9, 1.0], 1.0, budget=10.0) == (10.0, True)
+    assert distance_to_coverage(*turned, 0.92, budget=10.0)[0] == pytest.approx(9.4)
+
+
 def test_mean_coverage_by_hand() -> None:
     assert mean_coverage([0, 4], [0.5, 1.0], 4) == pytest.approx(0.75)
     assert mean_coverage([0, 4], [0.5, 1.0], 2) == pytest.approx(0.625)

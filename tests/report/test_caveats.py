@@ -76,3 +76,13 @@ def test_what_flatters_is_said() -> None:
     rows = [dataclasses.replace(row, agent="layout-tour:predictor=oracle") for row in rows]
     assert "has learnt" not in " ".join(caveats(rows, made))
     assert "the best of 3 on these very runs" in " ".join(caveats(rows, made, candidates=3))
+
+
+def test_buildings_whose_runs_all_failed_give_no_interval() -> None:
+    rows = [
+        dataclasses.replace(row, plan=f"{row.plan}-{k}", error="Boom" if k else "")
+        for k in range(12)
+        for row in runs("nearest", 1)
+    ]
+    assert "there is only one: there are no intervals at all" in said(rows)
+    assert "Intervals resample" not in said([dataclasses.replace(row, error="Boom") for row in rows])

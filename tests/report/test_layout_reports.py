@@ -184,7 +184,7 @@ def test_a_report_without_layouts_has_no_such_parts(tmp_path: Path) -> None:
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.lists(st.tuples(st.floats(-1, 1), st.floats(0, 0.5)), min_size=1, max_size=6))
+@given(st.lists(st.tuples(st.floats(-60, 1), st.floats(0, 0.5)), min_size=1, max_size=6))
 def test_marks_lie_in_their_frame(pairs: list[tuple[float, float]]) -> None:
     stops = [RunStop(f"plan {k}", saved, lost, 0.0, lost > 0) for k, (saved, lost) in enumerate(pairs)]
     plot = stop_plot([summarise_stops("stage", "early", stops)], {"tour": ("#123456", "")})
@@ -192,6 +192,9 @@ def test_marks_lie_in_their_frame(pairs: list[tuple[float, float]]) -> None:
     inside = [*mark.place, *mark.across, *mark.along, *(v for dot in mark.dots for v in dot), plot.limit]
     assert all(0 <= value <= 100 for value in inside)
     assert mark.across[0] <= mark.across[1] and mark.along[0] >= mark.along[1]
+    ticks = [at for at, _ in plot.y_ticks]
+    assert min(low - high for low, high in itertools.pairwise(ticks)) >= 5, "labels have room"
+    assert "0 %" in [label for _, label in plot.y_ticks]
 
 
 # --- half-seen rooms

@@ -47,6 +47,17 @@ def test_the_best_and_the_worst_run_are_shown(tmp_path: Path) -> None:
     assert line.median.startswith("M0.00,90.00 ") and line.median.endswith("L100.00,10.00")
 
 
+def test_runs_without_one_of_the_baseline_are_compared_with_nothing(tmp_path: Path) -> None:
+    folder, rows = folder_of(tmp_path, {"a": 0.8, "b": 0.9})
+    failed = [dataclasses.replace(row, error="Boom") if row.agent == "nearest" else row for row in rows]
+    (line,) = prior_section(folder, [*rows[:2], *failed[2:]], "nearest", {})
+    assert [run.title for run in line.shown] == [
+        "a, start 0, stage: gained most, 0.80 of the metres to 99\xa0%"
+    ]
+    (line,) = prior_section(folder, failed, "nearest", {})
+    assert [run.title for run in line.shown] == ["a, start 0, stage: there is nothing to compare it with"]
+
+
 def test_the_page_has_it_and_others_do_not(tmp_path: Path) -> None:
     folder, rows = folder_of(tmp_path, {"a": 0.8})
     lines = prior_section(folder, rows, "nearest", {})

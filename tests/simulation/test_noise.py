@@ -66,6 +66,18 @@ def test_a_wall_that_stops_a_robot_is_put_ahead_of_where_it_believes_to_go(turn:
     assert (ahead > 1.0).all() and (abs(aside) < ahead).all()
 
 
+def test_headings_of_a_track_stay_within_a_turn() -> None:
+    raster = floorplan_from_ascii(HALL, resolution=0.5, name="hall").rasterize(0.1)
+    robot = Robot(raster, 0.2, Pose(8.0, 5.0, 3.14), OdometryNoise(rotation=0.1), np.random.default_rng(0))
+    for _ in range(40):
+        robot.translate(-0.1, 0.0)
+    robot.relocate(robot.believed._replace(theta=4.0))
+    for track in (robot.track, robot.believed_track):
+        assert abs(track[:, 2]).max() <= math.pi
+    assert np.ptp(robot.track[:, 2]) > math.pi, "they went through pi"
+    assert robot.believed_track[-1, 2] == pytest.approx(4.0 - 2 * math.pi)
+
+
 @pytest.mark.parametrize("level", NOISE)
 def test_a_level_sets_odometry_and_lidar(level: str) -> None:
     config = SimulationConfig(sensor="indoor", noise=level)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from layoutexplore.errors import MapError
 from layoutexplore.layout.merging.agglomeration import merge_within
 from layoutexplore.layout.merging.merge_forest import PAIR_FOREST
 from layoutexplore.layout.pipeline import reconstruct
@@ -40,6 +41,13 @@ def test_kinds_of_maps_weigh_what_they_are_given() -> None:
         assert forest.bias == pytest.approx(
             np.log(weights.get("whole", 1.0) / weights.get("parted", 1.0)), abs=1e-5
         )
+
+
+def test_a_single_region_teaches_nothing() -> None:
+    cells = np.full((40, 40), 100, np.int8)
+    cells[5:35, 5:35] = 0
+    with pytest.raises(MapError, match="nothing to train on"):
+        train_forest([make_example(cells, (cells == 0).astype(np.int32), 0.05, building="a", kind="x")])
 
 
 def test_the_mean_of_judges_is_a_judge() -> None:

@@ -39,3 +39,12 @@ def test_stored_snapshots_are_the_same(plan: FloorPlan, snapshots: list[Snapshot
                 f.visible_area for f in b.decision.frontiers
             ]
     assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_what_another_version_has_stored_is_not_read(
+    plan: FloorPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for count, version in enumerate(("0.1.9", "0.2.0"), start=1):
+        monkeypatch.setattr("layoutexplore.__version__", version)
+        explore_plan(plan, make_agent("nearest"), sensor="short", coverages=(0.3,), store=tmp_path)
+        assert len(list(tmp_path.iterdir())) == count

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile, write_numbers
+from layoutexplore.cli.evaluate.options import JsonFile, end_study, write_numbers
 from layoutexplore.files import check_places
+
+if TYPE_CHECKING:
+    from layoutexplore.grids.grid import OccupancyGrid
 
 _FIGURES = {
     "correlation": "correlation of W and precision",
@@ -32,16 +35,22 @@ def clutter(
     Precision, recall, W against precision, and the wall-line error with and without it.
     """
     from layoutexplore.cli.progress import progress_lines
-    from layoutexplore.evaluation.clutter import run_study
-    from layoutexplore.grids.ros_map import load_grid
+    from layoutexplore.evaluation.clutter import check_for_clutter, run_study
+    from layoutexplore.grids.ros_map import load_grid, usable_maps
+
+    def load(path: Path) -> tuple[str, OccupancyGrid]:
+        grid = load_grid(path, resolution=resolution)
+        check_for_clutter(str(path), grid)
+        return str(path), grid
 
     check_places(None, json_file)
     files = [f for path in maps for f in (sorted(path.glob("*.png")) if path.is_dir() else [path])]
-    grids = {str(f): load_grid(f, resolution=resolution) for f in files if not f.stem.endswith("_gt")}
-    summary, trials = run_study(grids, progress=progress_lines())
+    grids, failed = usable_maps(load, [f for f in files if not f.stem.endswith("_gt")])
+    summary, trials = run_study(dict(grids), progress=progress_lines())
     for key, value in asdict(summary).items():
         values = {"": value} if not isinstance(value, dict) else {f", {k}": v for k, v in value.items()}
         for which, number in values.items():
             name = _FIGURES.get(key, key.replace("_", " "))
             typer.echo(f"{name}{which}: {number if isinstance(number, int) else format(number, '.3g')}")
     write_numbers(json_file, {"summary": asdict(summary), "trials": [asdict(t) for t in trials]})
+    end_study(failed)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile, write_numbers
+from layoutexplore.cli.evaluate.options import JsonFile, end_study, write_numbers
 from layoutexplore.files import check_file, check_places, to_toml, write_atomically
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def map_noise(
         check_file(out, suffixes=(".toml",))
     names = find_plans(plans)
     config = read_noise(noise) if noise else WIDE
-    table, groups = describe_folders(real, resolution)
+    table, groups, failed = describe_folders(real, resolution)
     progress = progress_lines()
     first = simulate_maps(names, config, count, seed=seed, progress=progress)
     fitted = fit_noise(table, first, config, keep)
@@ -78,6 +78,7 @@ def map_noise(
     if maps is not None:
         written = write_cases(second, maps)
         typer.echo(f"written: {written} maps with their rooms, and buildings.csv, into {maps}")
+    end_study(failed)
 
 
 def _print_statistics(real: Floats, simulated: dict[str, SimulatedMaps]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -50,6 +50,14 @@ def asked_sensors(names: Iterable[str] | None) -> tuple[str, ...]:
     from layoutexplore.training.explorations import SENSORS
 
     return tuple(dict.fromkeys(sensor(name).name for name in names or SENSORS))
+
+
+def end_study(failed: Sequence[str]) -> None:
+    """Name what failed, and end with status 1 if anything did."""
+    for text in failed:
+        typer.echo(f"failed: {text}")
+    if failed:
+        raise typer.Exit(1)
 
 
 def write_numbers(path: Path | None, numbers: dict[str, Any], indent: int | None = 1) -> None:

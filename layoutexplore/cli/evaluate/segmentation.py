@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile, PlanFolders, write_numbers
+from layoutexplore.cli.evaluate.options import JsonFile, PlanFolders, end_study, write_numbers
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ def segmentation(
     """
     from layoutexplore.errors import ConfigError, require, shortened
     from layoutexplore.evaluation.cross_validation import CrossValidationConfig
-    from layoutexplore.evaluation.segmentation import evaluate_cases
+    from layoutexplore.evaluation.segmentation import evaluate_cases, usable_cases
     from layoutexplore.layout.pipeline import layout_method
     from layoutexplore.maps.library import find_plans
     from layoutexplore.maps.painted_rooms import find_cases
@@ -110,6 +110,7 @@ def segmentation(
     if out is not None:
         require("jinja2", "bench")
     _say_scales(cases)
+    cases, failed = usable_cases(cases, resolution)
     if folds or leave_out:
         _say_guesses(cases)
         config = CrossValidationConfig(
@@ -128,7 +129,9 @@ def segmentation(
     collected = _collect(results)
     _print_all([row for _, row, _ in collected], by_source=leave_out is not None)
     held_out = "each source left out" if leave_out else f"{folds} folds of buildings" if folds else ""
-    _write_results(collected, json_file, out, protocol=protocol, resolution=resolution, held_out=held_out)
+    said = {"protocol": protocol, "resolution": resolution, "held_out": held_out, "failed": failed}
+    _write_results(collected, json_file, out, said)
+    end_study(failed)
 
 
 def _collect(
@@ -194,19 +197,14 @@ def _write_results(
     results: Sequence[tuple[Case, MapScore, NDArray[np.int32]]],
     json_file: Path | None,
     out: Path | None,
-    *,
-    protocol: str,
-    resolution: float,
-    held_out: str,
+    said: dict[str, Any],
 ) -> None:
-    """Write every number and the report where they are wanted."""
+    """Write every number, what is said of them all, and the report where they are wanted."""
     from layoutexplore.evaluation.segmentation import score_groups, seed_spread, summarise_segmentation
 
     rows = [row for _, row, _ in results]
     numbers = {
-        "protocol": protocol,
-        "resolution": resolution,
-        "held_out": held_out,
+        **said,
         "folds": len({row.fold for row in rows if row.fold >= 0}),
         "maps": [asdict(r) for r in rows],
         "summary": summarise_segmentation(rows),
@@ -219,10 +217,9 @@ def _write_results(
         from layoutexplore.processes import command_line
         from layoutexplore.report.segmentation import write_segmentation_report
 
-        title = "Room segmentation" + (f", {held_out}" if held_out else "")
-        written = write_segmentation_report(
-            out, results, title=title, protocol=protocol, resolution=resolution, command=command_line()
-        )
+        title = ", ".join(filter(None, ("Room segmentation", said["held_out"])))
+        shown = {key: value for key, value in said.items() if key != "held_out"}
+        written = write_segmentation_report(out, results, title=title, command=command_line(), **shown)
         for path in written:
             typer.echo(f"written: {path}")
 

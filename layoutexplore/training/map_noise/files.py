@@ -13,12 +13,12 @@ from layoutexplore.files import read_toml, safe_name, write_atomically, write_cs
 from layoutexplore.files.schema import Items, Number, Record
 from layoutexplore.grids.arrays import Bytes, Floats
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
-from layoutexplore.grids.ros_map import encode_png, load_grid
+from layoutexplore.grids.ros_map import encode_png, load_grid, usable_maps
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.painted_rooms import INDEX, TRUTH_SUFFIX, read_scales
 from layoutexplore.training.map_noise.fit import SimulatedMaps
 from layoutexplore.training.map_noise.simulate import MapNoiseConfig, NoisyMap
-from layoutexplore.training.map_noise.statistics import describe_grid, statistics_table
+from layoutexplore.training.map_noise.statistics import MapStatistics, describe_grid, statistics_table
 
 GREYS = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
 """Grey of each kind of cell in a picture, as `map_saver` has them."""
@@ -27,33 +27,38 @@ _NOT_MAPS = (TRUTH_SUFFIX, "_vendor_rooms")
 """Endings of pictures that lie beside maps."""
 
 
-def describe_folders(folders: Sequence[Path], resolution: float) -> tuple[Floats, list[str]]:
+def describe_folders(folders: Sequence[Path], resolution: float) -> tuple[Floats, list[str], list[str]]:
     """The statistics of the maps in some folders, float64 (n, statistics), and the building of each.
+
+    Also what is wrong with each map that cannot be read or has no statistics.
 
     Args:
         folders: Folders of PNG maps; an `index.csv` inside may give `file` and `m_per_px`.
         resolution: Metres a pixel where no index says it.
 
     Raises:
-        MapError: A folder is missing, holds no map, or a map cannot be read or has no statistics.
+        MapError: A folder is missing or holds no map, or no map at all can be used.
     """
-    found, buildings = [], []
+
+    def describe(item: tuple[Path, float]) -> tuple[MapStatistics, str]:
+        path, scale = item
+        cells = load_grid(path, resolution=scale).cells
+        try:
+            return describe_grid(cells, scale), building_of(path.stem, "painted rooms") or path.stem
+        except MapError as error:
+            raise MapError(f"{path}: {error}") from error
+
+    maps: list[tuple[Path, float]] = []
     for folder in folders:
         if not folder.is_dir():
             raise MapError(f"{folder}: no such folder")
-        maps = [path for path in sorted(folder.glob("*.png")) if not path.stem.endswith(_NOT_MAPS)]
-        if not maps:
+        paths = [path for path in sorted(folder.glob("*.png")) if not path.stem.endswith(_NOT_MAPS)]
+        if not paths:
             raise MapError(f"{folder}: no map NAME.png inside this folder")
-        scales = read_scales(folder / INDEX, [path.name for path in maps])
-        for path in maps:
-            scale = scales.get(path.name, resolution)
-            grid = load_grid(path, resolution=scale)
-            try:
-                found.append(describe_grid(grid.cells, scale))
-            except MapError as error:
-                raise MapError(f"{path}: {error}") from error
-            buildings.append(building_of(path.stem, "painted rooms") or path.stem)
-    return statistics_table(found), buildings
+        scales = read_scales(folder / INDEX, [path.name for path in paths])
+        maps += [(path, scales.get(path.name, resolution)) for path in paths]
+    found, failed = usable_maps(describe, maps)
+    return statistics_table([row for row, _ in found]), [building for _, building in found], failed
 
 
 def read_noise(path: Path) -> MapNoiseConfig:

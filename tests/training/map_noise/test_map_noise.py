@@ -127,7 +127,7 @@ def test_written_maps_are_read_and_learnt_from_at_their_own_scale(tmp_path: Path
     cases = find_cases([tmp_path])
     scales = [read_case(case, 0.05)[0].resolution for case in cases]
     assert count == len(scales) and sorted(scales) == sorted(one.resolution for one in made.maps)
-    table, _ = describe_folders([tmp_path], 0.05)
+    table, _, _ = describe_folders([tmp_path], 0.05)
     assert np.allclose(np.sort(table, 0), np.sort(made.statistics(), 0))
     seen: list[float] = []
 
@@ -176,13 +176,15 @@ def test_bad_ranges_and_folders_are_named(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_command_prints_statistics_and_writes_what_is_wanted(tmp_path: Path) -> None:
     write_cases(simulate_maps(PLANS, FAST, 24, seed=4), tmp_path / "real")
+    (tmp_path / "real/cut_off.png").write_bytes(b"no picture")
     start = tmp_path / "start.toml"
     start.write_text("resolution = [0.1, 0.1]\nspacing = [3.0, 4.0]\nbeams = [90, 180]\n")
     out, maps, numbers = tmp_path / "noise.toml", tmp_path / "maps", tmp_path / "numbers.json"
     command = ["evaluate", "map-noise", str(tmp_path / "real"), "--plans", "apartment:0-3", "--count", "20"]
     command += ["--noise", str(start), "--resolution", "0.1", "--out", str(out), "--maps", str(maps)]
     result = CliRunner().invoke(app, [*command, "--json", str(numbers)])
-    assert result.exit_code == 0, (result.output, result.exception)
+    assert result.exit_code == 1, (result.output, result.exception)
+    assert "failed: " in result.output.splitlines()[-1] and "cut_off.png" in result.output.splitlines()[-1]
     assert "specks" in result.output and "area under the ROC curve" in result.output
     assert read_noise(out).resolution == (0.1, 0.1)
     assert len(find_cases([maps])) >= 15
