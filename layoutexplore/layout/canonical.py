@@ -62,7 +62,7 @@ def in_canonical_orientation(
             return run(grid, config)
         row0, row1, col0, col1 = known_box(grid.cells)
         reach = cells_at_most(getattr(config, "margin", 0.0), grid.resolution, row1 - row0 + col1 - col0)
-        window = Window(row0 - reach, row1 + reach, col0 - reach, col1 + reach)
+        window = Cutout(row0 - reach, row1 + reach, col0 - reach, col1 + reach)
         cells = window.cut(grid.cells, UNKNOWN)
         orientation = canonical_orientation(trinary_part(cells)[0])
         found = run(OccupancyGrid(orientation.apply(cells), grid.resolution), config)
@@ -85,7 +85,7 @@ def with_unknown_around(
         rows, cols = grid.shape
         if row1 == 0 or min(row0, rows - row1, col0, cols - col1) >= MARGIN:
             return run(grid, *args, **options)
-        window = Window(-MARGIN, rows + MARGIN, -MARGIN, cols + MARGIN)
+        window = Cutout(-MARGIN, rows + MARGIN, -MARGIN, cols + MARGIN)
         cells = window.cut(grid.cells, UNKNOWN)
         found = run(OccupancyGrid(cells, grid.resolution), *args, **options)
         return Inversion(Orientation(), window, grid, found.directions).layout(found)
@@ -93,7 +93,7 @@ def with_unknown_around(
     return run_with_margin
 
 
-class Window(NamedTuple):
+class Cutout(NamedTuple):
     """A part of a grid, half open, that may reach beyond its borders."""
 
     row0: int
@@ -111,7 +111,7 @@ class Window(NamedTuple):
     def paste(self, cells: NDArray[T], shape: tuple[int, int], nothing: int) -> NDArray[T]:
         """A grid (rows, cols) with the cells of the window; `nothing` around it."""
         rows, cols = shape
-        return Window(-self.row0, rows - self.row0, -self.col0, cols - self.col0).cut(cells, nothing)
+        return Cutout(-self.row0, rows - self.row0, -self.col0, cols - self.col0).cut(cells, nothing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +126,7 @@ class Inversion:
     """
 
     orientation: Orientation
-    window: Window
+    window: Cutout
     grid: OccupancyGrid
     directions: Floats
 
