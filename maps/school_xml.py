@@ -24,6 +24,7 @@ from layoutexplore.files.markup import read_xml
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.formats.polygons import LEAST_ROOM, Dropped
 from layoutexplore.maps.shared_walls import (
     DOOR_WIDTH,
     floors_between,
@@ -91,7 +92,8 @@ def read_spaces(
     points: dict[str, list[Point]] = {}
     labels, empty = {}, 0
     for number, space in enumerate(root.iter("space"), start=1):
-        key = space.get("id") or f"space {number}"
+        key = space.get("id") or ""
+        key = f"space {number}" if not key or key in points else key  # of one id, both are rooms
         ring = [_point(node, scale, path) for node in space.iterfind("bounding_polygon/point")]
         if not ring:
             empty += 1
@@ -117,12 +119,16 @@ def _outlines(points: dict[str, list[Point]], path: Path) -> dict[str, Polygon]:
     """The outline of each space, counted before any is cut."""
     check_count(str(path), "spaces", len(points))
     check_outlines(str(path), points.values())
-    outlines = {}
+    outlines, dropped = {}, Dropped(path)
     for key, ring in points.items():
-        parts = polygons_of(Polygon(ring).buffer(0))
+        drawn = Polygon(ring)
+        parts = polygons_of(drawn.buffer(0))
         if not parts:
             raise MapError(f"{path}: space {shortened(key)}: the bounding_polygon has no area")
         outlines[key] = Polygon(max(parts, key=lambda part: part.area).exterior)
+        if not drawn.is_valid and shapely.make_valid(drawn).area > outlines[key].area + LEAST_ROOM:
+            dropped.add("spaces cross themselves, and parts of them are left out")
+    dropped.warn()
     return outlines
 
 

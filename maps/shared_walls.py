@@ -40,6 +40,9 @@ CLOSED_GAP = 0.6
 WALL_REACH = 0.75
 """Metres from the outline of a room within which a door is one of it."""
 
+MOST_OF_HALF = 0.45
+"""Of the width of a door, on either side of its middle: so much at least lies between its two rooms."""
+
 
 class Opening(NamedTuple):
     """A door as a file tells of it: where, how wide, and the rooms that it joins if the file says so."""
@@ -91,7 +94,7 @@ def plan_from_outlines(
     walls = walls_along(shapes, name)
     rooms, scraps = floors_between(dict(outlines), walls, {k: labels.get(k, "") for k in outlines})
     rings = shapely.STRtree([rings_of(outline) for outline in shapes])
-    shapely.prepare(rings.geometries)
+    shapely.prepare([*rings.geometries, *shapes])
     placed = [_place(outlines, rings, opening) for opening in openings]
     doors = tuple(door for door in placed if door is not None)
     if lost := len(placed) - len(doors):
@@ -123,22 +126,36 @@ def _place(outlines: Mapping[int, Polygon], rings: shapely.STRtree, opening: Ope
     (x, y), far = opening.place, 2.0 * WALL_REACH
     close = np.sort(rings.query(shapely.box(x - far, y - far, x + far, y + far)))
     away = shapely.length(shapely.shortest_line(rings.geometries[close], place))  # `distance` has no index
-    rooms = opening.rooms
     if away.min(initial=np.inf) > WALL_REACH:
         return None
-    if rooms is None:
-        ids = np.array(list(outlines))[close]
-        near = ids[np.argsort(away, kind="stable")][: int((away <= WALL_REACH).sum())].tolist()
-        best = away.min()
-        # A room across the wall is as near as the wall is thick; the one after next lies round a corner.
-        across = len(near) > 1 and np.sort(away)[1] <= best + CLOSED_GAP
-        rooms = (near[0], near[1]) if across else (0, near[0])
+    distances = dict(zip(np.array(list(outlines))[close].tolist(), away.tolist(), strict=True))
+    rooms = opening.rooms
+    # Files name rooms now and then that are nowhere near.
+    if rooms is None or any(room and distances.get(room, np.inf) > far for room in rooms):
+        rooms = _sides(outlines, distances, opening)
     a, b = sorted(rooms)
     if a == 0:
         foot, along = _wall_at(outlines[b], opening.place)
         start, end = (foot + sign * 0.5 * opening.width * along for sign in (-1.0, 1.0))
         return Door(start=_point_of(start), end=_point_of(end), rooms=(0, b))
     return place_door(outlines[a], outlines[b], opening.place, (a, b), opening.width)
+
+
+def _sides(
+    outlines: Mapping[int, Polygon], distances: Mapping[int, float], opening: Opening
+) -> tuple[int, int]:
+    """The room whose border is nearest, and the one across the wall from it; 0 where the outside is there.
+
+    A door at a corner, where it cannot be as wide as it is, may be one of the room behind the corner as well.
+    """
+    first, *others = sorted(distances, key=lambda room: distances[room])
+    foot, along = _wall_at(outlines[first], opening.place)
+    through = (CLOSED_GAP + WALL_THICKNESS / 2) * np.array([-along[1], along[0]])
+    line = LineString([foot - through, foot + through])
+    across = [room for room in others if outlines[room].intersects(line)]
+    most = distances[first] + min(MOST_OF_HALF * opening.width, CLOSED_GAP)
+    at_corner = [room for room in others if distances[room] <= most]
+    return first, next(iter(across or at_corner), 0)
 
 
 def _point_of(values: Floats) -> Point:
@@ -281,7 +298,7 @@ def _misses(
     rooms: tuple[Polygon, Polygon], middles: Floats, along: Floats, half_gap: float, width: float
 ) -> Floats:
     """For each middle (n, 2) of an opening: how many of three places across it do not join the two rooms."""
-    steps = np.array([-0.45, 0.0, 0.45])[:, None] * width * along
+    steps = np.array([-MOST_OF_HALF, 0.0, MOST_OF_HALF])[:, None] * width * along
     through_wall = (half_gap + WALL_THICKNESS / 2 + 0.25) * np.array([-along[1], along[0]])
     sides = (
         middles[:, None, None] + steps + np.stack([-through_wall, through_wall])[:, None]

@@ -2,7 +2,8 @@
 
 A frontier cell is a free cell (value 0) with an unknown cell (-1) to its left, right, above or below.
 Frontier cells that touch, corners included, are one cluster. Clusters come in raster order of their first
-cells, their cells in raster order.
+cells, their cells in raster order. Beyond the border of the array nothing is unknown: a map that is cut out
+tightly has no frontier where its free cells end there, until it is padded.
 """
 
 from __future__ import annotations

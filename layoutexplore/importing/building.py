@@ -11,6 +11,8 @@ import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Ints32, shows_shapes
+from layoutexplore.grids.components import split_labels
+from layoutexplore.grids.flood import spread_in_place
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.ros_map import IMAGE_SUFFIXES
 from layoutexplore.importing.cleaning import without_noise
@@ -20,7 +22,7 @@ from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.maps.floorplan import Door, FloorPlan
 from layoutexplore.maps.image import NO_FLOOR, said_scale
 from layoutexplore.maps.raster import PlanRaster
-from layoutexplore.maps.tracing import plan_from_raster
+from layoutexplore.maps.tracing import LEAST_ROOM, plan_from_raster
 
 LEAST_DOOR = 0.25
 """Metres; where two rooms touch along less than this, a leak of the map joins them and no door."""
@@ -90,7 +92,7 @@ def building_from_grid(
     room_ids, warnings = np.zeros(clean.shape, np.int32), tuple[str, ...]()
     if method != "none":
         layout = reconstruct(clean, method)
-        room_ids, warnings = np.where(clean.free, layout.room_labels(), 0).astype(np.int32), layout.warnings
+        room_ids, warnings = without_strips(layout.labels, clean), layout.warnings
         if not room_ids.any():
             raise MapError(f"{name}: the layout method {method} finds no room; {'; '.join(warnings)}")
     # A floor plan has no yaw: its axes are the rows and columns of the map.
@@ -105,6 +107,39 @@ def building_from_grid(
     plan = replace(plan, doors=tuple(door for door in plan.doors if is_door(door)))
     assert plan.source is not None
     return Building(grid=clean, room_ids=plan.source.room_ids, plan=plan, warnings=warnings)
+
+
+@checks_arguments
+def without_strips(labels: Ints32, grid: OccupancyGrid) -> Ints32:
+    """Rooms of a layout on free cells: strips apart from their room are of the room that they touch.
+
+    The lines of a method may run beside a wall. The strip of a room behind the wall would look like a door
+    between the two, as wide as the wall is long.
+
+    Args:
+        labels: int32 (rows, cols), 0 for none.
+        grid: The map.
+
+    Returns:
+        int32 (rows, cols), 0 on cells that are not free.
+
+    Example:
+        >>> labels = np.array([[1, 1, 0, 1, 2, 2]], np.int32)
+        >>> without_strips(labels, OccupancyGrid(np.array([[0, 0, 100, 0, 0, 0]], np.int8), 0.1)).tolist()
+        [[1, 1, 0, 2, 2, 2]]
+    """
+    labels = np.where(grid.free, labels, 0).astype(np.int32)
+    inside = labels > 0
+    parts, sizes = split_labels(np.where(inside, labels, -1))
+    room = np.zeros(len(sizes), np.int64)
+    room[parts[inside]] = labels[inside]
+    order = np.argsort(sizes, kind="stable")
+    largest = np.zeros(int(labels.max()) + 1, np.int64)
+    largest[room[order]] = order  # the last one that is written
+    is_whole = (sizes * grid.resolution**2 >= LEAST_ROOM) | (largest[room] == np.arange(len(sizes)))
+    found = np.where(inside, labels * np.append(is_whole, False)[parts], 0).astype(np.int32)
+    spread_in_place(found, inside)
+    return np.where(found > 0, found, labels)
 
 
 @checks_arguments

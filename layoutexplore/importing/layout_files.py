@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 import shapely
 from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.grids.grid import Pose
-from layoutexplore.importing.building import is_door
+from layoutexplore.importing.building import is_door, without_strips
 from layoutexplore.layout.export import layout_to_geojson
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.floorplan import FloorPlan
@@ -25,7 +24,7 @@ def layout_with_doors(layout: Layout) -> dict[str, Any]:
     """
     collection = layout_to_geojson(layout)
     grid = layout.clean_grid
-    labels = np.where(grid.free, layout.labels, 0).astype(np.int32)
+    labels = without_strips(layout.labels, grid)
     if labels.any():
         frame = Pose(grid.origin.x, grid.origin.y, 0.0)
         source = PlanRaster(~grid.free, labels, grid.resolution, frame)

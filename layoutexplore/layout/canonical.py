@@ -1,7 +1,9 @@
-"""Running a method in a map's canonical orientation, so that turned or mirrored it has the same rooms.
+"""Running a method in a map's canonical frame, so that turned, mirrored or moved it has the same rooms.
 
 What decides close calls in raster order, or by the order of directions, treats a map and its mirror image
-differently. Brought into the orientation that follows from where their free cells lie, both are one map.
+differently. Brought into the orientation that follows from where their free cells lie, both are one map. What
+rounds lines by their distance from the first cell, or ends at the border of the array, does so with a map and
+itself in a wider picture: what is known is cut out, with a margin of the same width all around.
 """
 
 from __future__ import annotations
@@ -10,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, wraps
 from itertools import chain
-from typing import Any, TypeVar
+from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar
 
 import cv2
 import numpy as np
@@ -20,9 +22,10 @@ from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, shows_shapes
 from layoutexplore.grids.boxes import known_box
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.polygons import Point, valid_polygons
-from layoutexplore.layout.frame import angles_to_world, extent, ranks, to_world, undirected
+from layoutexplore.layout.frame import angles_to_world, ranks, to_world, undirected
+from layoutexplore.layout.limits import cells_at_most
 from layoutexplore.layout.types import (
     BORDER,
     Deferred,
@@ -36,53 +39,112 @@ from layoutexplore.layout.types import (
     Wall,
 )
 
+MARGIN = 2
+"""Unknown cells around what is known; with them, the border of the array means nothing."""
+
 ConfigT = TypeVar("ConfigT")
+Params = ParamSpec("Params")
 Side = TypeVar("Side", Line, Wall)
+T = TypeVar("T", np.int8, np.int32, np.bool_, np.float32)
 
 
 def in_canonical_orientation(
     run: Callable[[OccupancyGrid, ConfigT], Layout],
 ) -> Callable[[OccupancyGrid, ConfigT], Layout]:
-    """Decorate `run(grid, config)`: it sees the grid oriented, at the origin; its layout is brought back."""
+    """Decorate `run(grid, config)`: it sees what is known, oriented, and its layout is brought back.
+
+    The margin is as wide as the option `margin`, for methods whose lines reach so far beyond the walls.
+    """
 
     @wraps(run)
     def run_oriented(grid: OccupancyGrid, config: ConfigT) -> Layout:
-        orientation = canonical_orientation(trinary_part(grid.cells)[0]) if grid.free.any() else Orientation()
-        if orientation == Orientation():
+        if not grid.free.any():
             return run(grid, config)
-        found = run(OccupancyGrid(orientation.apply(grid.cells), grid.resolution), config)
-        return Inversion(orientation, extent(grid), grid.origin, found.directions).layout(found)
+        row0, row1, col0, col1 = known_box(grid.cells)
+        reach = cells_at_most(getattr(config, "margin", 0.0), grid.resolution, row1 - row0 + col1 - col0)
+        window = Cutout(row0 - reach, row1 + reach, col0 - reach, col1 + reach)
+        cells = window.cut(grid.cells, UNKNOWN)
+        orientation = canonical_orientation(trinary_part(cells)[0])
+        found = run(OccupancyGrid(orientation.apply(cells), grid.resolution), config)
+        return Inversion(orientation, window, grid, found.directions).layout(found)
 
     return run_oriented
 
 
+def with_unknown_around(
+    run: Callable[Concatenate[OccupancyGrid, Params], Layout],
+) -> Callable[Concatenate[OccupancyGrid, Params], Layout]:
+    """Decorate `run(grid, ...)`: a map that is known up to the border of its array is seen with a margin.
+
+    For methods that find the canonical frame themselves.
+    """
+
+    @wraps(run)
+    def run_with_margin(grid: OccupancyGrid, /, *args: Params.args, **options: Params.kwargs) -> Layout:
+        row0, row1, col0, col1 = known_box(grid.cells)
+        rows, cols = grid.shape
+        if row1 == 0 or min(row0, rows - row1, col0, cols - col1) >= MARGIN:
+            return run(grid, *args, **options)
+        window = Cutout(-MARGIN, rows + MARGIN, -MARGIN, cols + MARGIN)
+        cells = window.cut(grid.cells, UNKNOWN)
+        found = run(OccupancyGrid(cells, grid.resolution), *args, **options)
+        return Inversion(Orientation(), window, grid, found.directions).layout(found)
+
+    return run_with_margin
+
+
+class Cutout(NamedTuple):
+    """A part of a grid, half open, that may reach beyond its borders."""
+
+    row0: int
+    row1: int
+    col0: int
+    col1: int
+
+    def cut(self, cells: NDArray[T], nothing: int) -> NDArray[T]:
+        """The cells of the window; `nothing` where the grid has none."""
+        rows, cols = cells.shape
+        part = cells[max(self.row0, 0) : self.row1, max(self.col0, 0) : self.col1]
+        beyond = max(-self.row0, 0), max(self.row1 - rows, 0), max(-self.col0, 0), max(self.col1 - cols, 0)
+        return np.pad(part, (beyond[:2], beyond[2:]), constant_values=nothing)
+
+    def paste(self, cells: NDArray[T], shape: tuple[int, int], nothing: int) -> NDArray[T]:
+        """A grid (rows, cols) with the cells of the window; `nothing` around it."""
+        rows, cols = shape
+        return Cutout(-self.row0, rows - self.row0, -self.col0, cols - self.col0).cut(cells, nothing)
+
+
 @dataclass(frozen=True, eq=False)
 class Inversion:
-    """From a grid that was oriented, at the origin, back to the grid as it was.
+    """From a part of a grid that was oriented, at the origin, back to the grid as it was.
 
     Attributes:
         orientation: What was applied to it.
-        size: Width and height of the grid in metres.
-        origin: Of the grid.
-        directions: float64 (k,), the directions found in the oriented grid.
+        window: The part.
+        grid: The grid.
+        directions: float64 (k,), the directions found in the oriented part.
     """
 
     orientation: Orientation
-    size: tuple[float, float]
-    origin: Pose
+    window: Cutout
+    grid: OccupancyGrid
     directions: Floats
 
     def points(self, points: Floats) -> Floats:
-        """World points float64 (n, 2) of points of the oriented grid."""
+        """World points float64 (n, 2) of points of the oriented part."""
         x, y = points[:, ::-1].T if self.orientation.swap else points.T
-        width, height = self.size
-        x = width - x if self.orientation.mirror_cols else x
-        y = height - y if self.orientation.mirror_rows else y
-        return to_world(np.stack([x, y], axis=1), self.origin)
+        row0, row1, col0, col1 = (side * self.grid.resolution for side in self.window)
+        x = col1 - x if self.orientation.mirror_cols else col0 + x
+        y = row1 - y if self.orientation.mirror_rows else row0 + y
+        return to_world(np.stack([x, y], axis=1), self.grid.origin)
+
+    def cells(self, cells: NDArray[T], nothing: int = 0) -> NDArray[T]:
+        """Cells of the oriented part as they lie in the grid; `nothing` where it is not."""
+        return self.window.paste(self.orientation.invert(cells), self.grid.shape, nothing)
 
     def angles(self, angles: Floats) -> Floats:
         """Directions float64 (n,) in the world, in [0, pi), of directions in the oriented grid."""
-        return angles_to_world(self.orientation.invert_angles(angles), self.origin)
+        return angles_to_world(self.orientation.invert_angles(angles), self.grid.origin)
 
     def pairs(self, points: Iterable[Point]) -> list[Point]:
         """The world points of points."""
@@ -136,10 +198,8 @@ class Inversion:
         details = InvertedDetails(found.details, self)
         return replace(
             found,
-            clean_grid=OccupancyGrid(
-                self.orientation.invert(found.clean_grid.cells), found.clean_grid.resolution, self.origin
-            ),
-            labels=self.orientation.invert(found.labels),
+            clean_grid=replace(self.grid, cells=self.cells(found.clean_grid.cells, UNKNOWN)),
+            labels=self.cells(found.labels),
             rooms=Deferred(lambda: self.rooms(found.rooms, details)),
             directions=np.sort(self.angles(found.directions)),
             segments=self.points(found.segments.reshape(-1, 2)).reshape(-1, 4),
@@ -170,20 +230,17 @@ class InvertedDetails(Details):
     def room_reach(self) -> RoomReach | None:
         """The cells of the rooms' faces."""
         found = self.oriented.room_reach
-        return found and found._replace(labels=self.inversion.orientation.invert(found.labels))
+        return found and found._replace(labels=self.inversion.cells(found.labels))
 
     @property
     def cell_scores(self) -> Floats32 | None:
         """ROSE's score of the occupied cells."""
         scores = self.oriented.cell_scores
-        return None if scores is None else self.inversion.orientation.invert(scores)
+        return None if scores is None else self.inversion.cells(scores)
 
     def faces_of(self, room: int) -> tuple[int, ...]:
         """Indices of the faces of a room, rising."""
         return self.oriented.faces_of(room)
-
-
-T = TypeVar("T", np.int8, np.int32, np.bool_, np.float32)
 
 
 @dataclass(frozen=True)
@@ -250,7 +307,7 @@ def trinary_part(cells: Cells) -> tuple[Cells, tuple[int, int]]:
     Args:
         cells: int8 (rows, cols), -1 unknown, 0 free ... 100 occupied.
     """
-    row0, row1, col0, col1 = known_box(cells, margin=2)
+    row0, row1, col0, col1 = known_box(cells, MARGIN)
     return _trinary(np.ascontiguousarray(cells[row0:row1, col0:col1], np.int8)), (row0, col0)
 
 

@@ -36,12 +36,14 @@ class LocalFrame:
     @classmethod
     def around(cls, degrees: Floats) -> LocalFrame:
         """The frame with its origin at the lower left corner of points (n, 2) as (longitude, latitude)."""
-        longitude, latitude = degrees.min(axis=0)
+        longitude, latitude = _unbroken(degrees).min(axis=0)
         return cls(float(longitude), float(latitude))
 
     def to_metres(self, degrees: Floats) -> Floats:
         """Points float64 (n, 2) as (x, y) in metres, of (longitude, latitude), to a tenth of a millimetre."""
-        return np.asarray(np.round((degrees - self.origin) * self.scale, 4), np.float64)
+        away = degrees - self.origin
+        away[:, 0] -= 360.0 * np.round(away[:, 0] / 360.0)  # the short way round the earth
+        return np.asarray(np.round(away * self.scale, 4), np.float64)
 
     def project(self, shape: BaseGeometry) -> Any:
         """A shape of (longitude, latitude) in metres."""
@@ -62,6 +64,11 @@ def looks_geographic(shape: BaseGeometry) -> bool:
     points = get_coordinates(shape)
     if not len(points):
         return False
-    low, high = points.min(axis=0), points.max(axis=0)
     on_earth = np.abs(points[:, 0]).max() <= 180 and np.abs(points[:, 1]).max() <= 90
-    return bool(on_earth and (high - low).max() < 0.5)
+    return bool(on_earth and np.ptp(_unbroken(points), axis=0).max() < 0.5)
+
+
+def _unbroken(degrees: Floats) -> Floats:
+    """Points (longitude, latitude), those west of the date line beyond 180 where it runs between them."""
+    broken = np.ptp(degrees[:, 0]) > 180
+    return np.where(broken & (degrees < 0) & [True, False], degrees + 360.0, degrees)

@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -110,18 +111,21 @@ def _levels(path: Path) -> dict[str, str]:
     for feature in _features(path / "level.geojson", schema=_FLOORS):
         properties = feature["properties"]
         names = properties.get("short_name") or properties.get("name") or {}
-        name = str(next(iter(names.values()), "") if isinstance(names, dict) else names)[:_LONGEST_NAME]
+        name = next(iter(names.values()), None) if isinstance(names, dict) else names
         home = str(next(iter(properties.get("building_ids") or [""])))[:8]
-        found.append((home, float(properties.get("ordinal") or 0), name, str(feature.get("id"))))
+        ordinal = float(properties.get("ordinal") or 0)
+        found.append((home, ordinal, str(name or "")[:_LONGEST_NAME], str(feature.get("id"))))
     several = len({home for home, *_ in found}) > 1
     levels = {}
     for home, ordinal, name, key in sorted(found):
         floor = name or f"{ordinal:g}"
         levels[f"{home}/{floor}" if several else floor] = key
-    if len(levels) < len(found):  # floors of one name are told apart by their height
-        levels = {
-            f"{home}/{ordinal:g}" if several else f"{ordinal:g}": key for home, ordinal, _, key in found
-        }
+    if len(levels) < len(found):  # floors of one name are told apart by their height, and by a number
+        levels, times = {}, Counter[str]()
+        for home, ordinal, _, key in sorted(found):
+            floor = f"{home}/{ordinal:g}" if several else f"{ordinal:g}"
+            times[floor] += 1
+            levels[floor if times[floor] == 1 else f"{floor} ({times[floor]})"] = key
     return levels
 
 
@@ -133,4 +137,4 @@ def _features(path: Path, level: str | None = None, schema: Schema = _FEATURES) 
     """
     features: list[dict[str, Any]] = read_json(path, schema)["features"]
     check_count(str(path), "features", len(features), "vertices")
-    return [f for f in features if level is None or f["properties"].get("level_id") == level]
+    return [f for f in features if level is None or str(f["properties"].get("level_id")) == level]

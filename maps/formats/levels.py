@@ -51,8 +51,8 @@ def numbers_of(text: str) -> frozenset[str]:
     """The floors that a `level` of OpenStreetMap means: "1", "0;2", "-1-3".
 
     Example:
-        >>> sorted(numbers_of("0-2;5")), sorted(numbers_of("-1-0")), numbers_of("roof")
-        (['0', '1', '2', '5'], ['-1', '0'], frozenset())
+        >>> sorted(numbers_of("0-2;5")), sorted(numbers_of("-1-0")), numbers_of("-0"), numbers_of("roof")
+        (['0', '1', '2', '5'], ['-1', '0'], frozenset({'0'}), frozenset())
     """
     return _numbers_of(text)
 
@@ -68,6 +68,6 @@ def _numbers_of(text: str) -> frozenset[str]:
         last = float(match[2]) if match[2] else first
         # Beyond 2**53 a number plus one is the same number, and nobody would ever arrive.
         while -_HIGHEST <= first <= min(last, _HIGHEST) and len(found) < _MOST_FLOORS:
-            found.append(f"{first:g}")
+            found.append(f"{first + 0.0:g}")  # -0 is 0
             first += 1.0
     return frozenset(found)

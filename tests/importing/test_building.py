@@ -13,7 +13,9 @@ from layoutexplore.errors import MapError, MapWarning, UnknownNameError
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.image_map import grid_from_image
 from layoutexplore.importing.building import building_from_grid, building_of_plan, import_building
+from layoutexplore.importing.layout_files import layout_with_doors
 from layoutexplore.importing.pictures import PictureConfig
+from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.maps import load_plan
 from tests.importing.cases import office, write_ros_map
 
@@ -40,6 +42,22 @@ def test_doors_of_a_turned_building_lie_along_its_walls() -> None:
     angles = [np.degrees(np.arctan2(d.end[1] - d.start[1], d.end[0] - d.start[0])) for d in doors]
     assert angles == pytest.approx([30.0] * 3, abs=12.0)
     assert [door.width for door in doors] == pytest.approx([0.9] * 3, abs=0.2)
+
+
+def test_lines_beside_a_wall_make_no_doors_in_it() -> None:
+    """The lines of `ias15` run a cell beside the walls here; behind them is a strip of the wrong room."""
+    cells = np.full((200, 260), -1, np.int8)
+    cells[20:180, 20:240] = 100
+    for rows, cols in ((slice(21, 100), slice(21, 120)), (slice(101, 179), slice(21, 120))):
+        cells[rows, cols] = 0
+    cells[21:179, 121:239] = 0
+    cells[90:110, 120] = cells[100, 60:80] = 0
+    grid = OccupancyGrid(cells, 0.05)
+    plan = building_from_grid(grid, name="three", method="ias15").plan
+    drawn = layout_with_doors(reconstruct(grid, "ias15"))["features"]
+    doors = [part for part in drawn if part["properties"]["kind"] == "door"]
+    assert len(plan.doors) == len(doors) == 3
+    assert max(door.width for door in plan.doors) < 1.1
 
 
 def test_without_a_method_each_separate_area_is_a_room() -> None:

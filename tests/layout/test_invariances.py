@@ -15,6 +15,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from layoutexplore.grids.boxes import known_box
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.ros_map import load_grid
 from layoutexplore.layout.canonical import Orientation, canonical_orientation
@@ -108,6 +109,25 @@ def test_scanned_maps_give_the_same_rooms_however_they_lie(
     assert labels.max() >= 1
     for move in ("quarter", "left-right"):
         assert strays(labels, moved_labels(grid, method, move)) == 0
+
+
+@pytest.mark.parametrize("method", list(METHOD_MODULES))
+@pytest.mark.parametrize("name", ["furnished", "noisy"])
+def test_unknown_rows_and_columns_around_a_map_change_nothing(name: str, method: str) -> None:
+    grid = MAPS[name]()
+    row0, row1, col0, col1 = known_box(grid.cells)
+    tight = np.ascontiguousarray(grid.cells[row0:row1, col0:col1])
+    found = reconstruct(OccupancyGrid(tight, 0.1, Pose(3.0, -2.0, 0.4)), method)
+    for low, high, left, right in ((1, 0, 0, 0), (0, 4, 3, 7), (40, 40, 40, 40)):
+        cells = np.pad(tight, ((low, high), (left, right)), constant_values=-1)
+        origin = to_world(np.array([(-0.1 * left, -0.1 * low)]), Pose(3.0, -2.0, 0.4))[0]
+        wide = reconstruct(OccupancyGrid(cells, 0.1, Pose(*origin, 0.4)), method)
+        inner = np.s_[low : low + len(tight), left : left + tight.shape[1]]
+        assert (wide.labels[inner] == found.labels).all()
+        assert (wide.clean_grid.cells[inner] == found.clean_grid.cells).all()
+        np.testing.assert_allclose(wide.directions, found.directions)
+        for one, other in zip(wide.rooms, found.rooms, strict=True):
+            assert one.polygon.symmetric_difference(other.polygon).area < 1e-6
 
 
 @pytest.mark.parametrize("method", ["rose2", "ias15", "distance"])

@@ -64,6 +64,20 @@ def test_empty_spaces_are_left_out_and_counted(tmp_path: Path) -> None:
     assert len(plan.rooms) == 2 and len(plan.doors) == 1
 
 
+def test_no_space_gets_lost_without_a_word(tmp_path: Path) -> None:
+    """Spaces of one id are two rooms; that half of one is left out, as it crosses itself, is told."""
+    bow = "".join(f'<point x="{x}" y="{y}"/>' for x, y in ((700, 0), (820, 150), (820, 0), (700, 150)))
+    spaces = "".join(
+        f'<space id="a"><bounding_polygon>{points}</bounding_polygon></space>'
+        for points in (bow, bow.replace("7", "9").replace("82", "98"))
+    )
+    (tmp_path / "bow.xml").write_text(SCHOOL.replace("</spaces>", spaces + "</spaces>"))
+    with pytest.warns(MapWarning, match="2 spaces cross themselves, and parts of them are left out"):
+        plan = load_plan(tmp_path / "bow.xml")
+    (tmp_path / "school.xml").write_text(SCHOOL)
+    assert len(plan.rooms) == len(load_plan(tmp_path / "school.xml").rooms) + 2
+
+
 def test_all_offices_load(data_dir: Path) -> None:
     paths = sorted((data_dir / "buildings" / "offices").glob("*.xml"))
     if not paths:

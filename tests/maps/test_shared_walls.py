@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import shapely
@@ -92,6 +94,24 @@ def test_doors_to_the_outside_and_doors_on_no_wall() -> None:
     assert door.rooms == (0, 5) and {round(v, 6) for v in (door.start[1], door.end[1])} == {0.0}
     with pytest.raises(MapError, match="no room"):
         plan_from_outlines({}, {}, [], name="nothing")
+
+
+@pytest.mark.parametrize(
+    ("opening", "rooms"),
+    [
+        (Opening((3.45, 0.0)), (0, 1)),  # an entrance beside the wall between two rooms
+        (Opening((3.9, 0.0)), (1, 2)),  # no entrance of 0.9 m fits so near to that wall
+        (Opening((2.0, 2.0)), (1, 3)),  # of a room that is drawn over another
+        (Opening((1.0, 0.0), rooms=(1, 4)), (0, 1)),  # the file names a room that is far away
+        (Opening((4.0, 1.0), rooms=(0, 4)), (1, 2)),
+    ],
+)
+def test_doors_join_what_lies_across_their_wall(opening: Opening, rooms: tuple[int, int]) -> None:
+    shapes = [(0, 0, 4, 9), (4, 0, 8, 9), (1, 2, 3, 5), (50, 0, 54, 3)]
+    outlines = {number: shapely.box(*shape) for number, shape in enumerate(shapes, start=1)}
+    (door,) = plan_from_outlines(outlines, {}, [opening], name="pair").doors
+    assert door.rooms == rooms
+    assert math.dist(opening.place, np.mean([door.start, door.end], axis=0)) < 1.0
 
 
 def test_floors_are_those_that_all_walls_leave() -> None:

@@ -84,7 +84,7 @@ def two_rooms() -> OccupancyGrid:
         ("distance", 210),  # completed by the same lines
         ("doorways", 210),
         ("default", 231),  # its faces reach into the walls: 20 cells of the upper one, 10 of the right, 1
-        ("ias15", 171),  # Canny finds both sides of a wall, the lower median runs a cell inside: 19 by 9
+        ("ias15", 231),  # Canny finds both sides of a wall, the median runs along the outer ones: 21 by 11
     ],
 )
 def test_class_room_and_area_follow_from_the_lines_by_hand(method: str, cells: int) -> None:

@@ -42,6 +42,7 @@ from layoutexplore.grids.flood import grow_in_place, spread_in_place
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.runs import find_runs
 from layoutexplore.layout.alignment import Turned, surfaces, turn_back
+from layoutexplore.layout.canonical import with_unknown_around
 from layoutexplore.layout.frame import angles_to_world, to_world
 from layoutexplore.layout.limits import cells_at_most, left_out, most_lines, most_questions, most_regions
 from layoutexplore.layout.lines.assemble import freed, place_walls
@@ -327,6 +328,7 @@ def run_merging(grid: OccupancyGrid, config: MergingConfig) -> Layout:
     return reconstruct_with(grid, config, load_models())
 
 
+@with_unknown_around
 def reconstruct_with(grid: OccupancyGrid, config: MergingConfig, models: MergingModels) -> Layout:
     """`run_merging` with other classifiers than the shipped ones."""
     if not has_free_space(grid):

@@ -9,6 +9,7 @@ from shapely import Point, Polygon, box
 
 from layoutexplore.errors import MapError, MapWarning
 from layoutexplore.maps import load_plan
+from layoutexplore.maps.formats.imdf import imdf_levels
 from tests.maps.formats.cases import LEFT, feature, write_collection, write_imdf
 
 
@@ -57,3 +58,24 @@ def test_units_and_openings_are_counted_first(
     write_collection(folder / f"{part}.geojson", *[feature(LEFT, level_id="a0")] * 30)
     with pytest.raises(MapError, match=f"#0: 30 {part}s, and the limit rooms is 25"):
         load_plan(f"{folder}#0")
+
+
+def test_floors_of_one_name_and_height_are_all_there(tmp_path: Path) -> None:
+    """The ids of two buildings may begin alike; numbers as ids, and floors without a name, are read."""
+    homes = ("00000000-a", "00000000-b")
+    floors = {number: homes[number % 2] for number in range(3)}
+    write_collection(
+        tmp_path / "level.geojson",
+        *(
+            feature(None, name={"en": None}, ordinal=1, building_ids=[home]) | {"id": number}
+            for number, home in floors.items()
+        ),
+    )
+    write_collection(
+        tmp_path / "unit.geojson",
+        *(feature(box(0, 0, 9 + number, 9), level_id=number, category="room") for number in floors),
+    )
+    names = imdf_levels(tmp_path)
+    assert names == ["1", "1 (2)", "1 (3)"]
+    widths = [load_plan(f"{tmp_path}#{name}").bounds[2] for name in names]
+    assert widths == pytest.approx([9.1, 10.1, 11.1], abs=0.02)
