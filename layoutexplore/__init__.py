@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from layoutexplore.agents.base import make_agent as make_agent
     from layoutexplore.agents.base import register_agent as register_agent
     from layoutexplore.drawing.layouts import draw_layout as draw_layout
+    from layoutexplore.drawing.pictures import draw_decision as draw_decision
     from layoutexplore.errors import LayoutExploreError as LayoutExploreError
     from layoutexplore.frontiers.decision import STOP as STOP
     from layoutexplore.frontiers.decision import Decision as Decision
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
     from layoutexplore.maps.geojson import save_plan as save_plan
     from layoutexplore.maps.library import load_plan as load_plan
     from layoutexplore.predictors import register_predictor as register_predictor
+    from layoutexplore.predictors.robot_map import RobotMap as RobotMap
     from layoutexplore.simulation.config import SimulationConfig as SimulationConfig
     from layoutexplore.simulation.saved_run import load_simulation as load_simulation
     from layoutexplore.simulation.saved_run import save_simulation as save_simulation
@@ -69,6 +71,8 @@ _HOMES = {
     "Layout": "layout.types",
     "OccupancyGrid": "grids.grid",
     "Pose": "grids.grid",
+    "RobotMap": "predictors.robot_map",
+    "draw_decision": "drawing.pictures",
     "draw_layout": "drawing.layouts",
     "layout_to_geojson": "layout.export",
     "load_grid": "grids.ros_map",

@@ -20,7 +20,7 @@ from layoutexplore.errors import LayoutExploreError, MapWarning, shortened
 
 GROUPS = (
     *("benchmark", "replay", "leaderboard", "explore", "train"),
-    *("maps", "layout", "evaluate", "names", "warm_up", "speed", "docs"),
+    *("maps", "layout", "frontiers", "evaluate", "names", "warm_up", "speed", "docs"),
 )
 """Modules of this package with commands, in the order in which the help shows them."""
 

@@ -231,8 +231,8 @@ def note_unused(simulation: Simulation) -> None:
         typer.echo(f"the prior plan is not used, because {reason}", err=True)
 
 
-def parse_start(text: str | None) -> Pose | None:
-    """A pose from "X,Y" or "X,Y,THETA".
+def parse_start(text: str | None, option: str = "--start") -> Pose | None:
+    """A pose from "X,Y" or "X,Y,THETA", as an option tells it.
 
     Raises:
         ConfigError: It is not two or three finite numbers.
@@ -251,5 +251,5 @@ def parse_start(text: str | None) -> Pose | None:
     except ValueError:
         numbers = []
     if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
-        raise ConfigError(f"--start needs X,Y or X,Y,THETA in metres and radians, got {shortened(text)}")
+        raise ConfigError(f"{option} needs X,Y or X,Y,THETA in metres and radians, got {shortened(text)}")
     return Pose(*numbers)

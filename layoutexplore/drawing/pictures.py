@@ -23,6 +23,7 @@ from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.arrays import Bytes, Floats, Ints32, Mask
+from layoutexplore.grids.boxes import grown_box, known_box, true_box, union
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.options import Rule
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from layoutexplore.simulation.simulation import Simulation
 
 _SCALE, _SIZE = Rule(kind=int, low=1, high=1000), Rule(kind=int, low=1, high=16_384, count=2)
+_WIDTH = Rule(kind=int, low=320, high=8192)
 _MOST_PIXELS = 300_000_000
 
 _SHIFT = 4
@@ -126,7 +128,10 @@ def draw_state(
     view = _View.fit(
         simulation.raster.shape, (width, height - bar), simulation.raster.resolution, simulation.raster.origin
     )
-    image = view.place(_colours().take(_map_codes(simulation, decision, view.scale, truth), axis=0))
+    floor = simulation.truth.target if truth else None
+    image = view.place(
+        _colours().take(_map_codes(simulation.mapper.grid, decision, view.scale, floor), axis=0)
+    )
     _draw_region(image, view, simulation)
     _draw_sight(image, view, simulation)
     _draw_track(image, view, simulation.track)
@@ -144,8 +149,45 @@ def draw_state(
     return frame
 
 
+@checks_arguments
+def draw_decision(decision: Decision, *, width: int = 960, target: int | None = None) -> Image:
+    """A picture of a decision: the map, the predicted rest of rooms, the frontiers by class, way and robot.
+
+    Args:
+        decision: The decision, as of a `RobotMap` or of a simulation.
+        width: In pixels; the height follows from the part of the map that is known or predicted.
+        target: Index of the frontier the robot is about to go to; the path there is drawn.
+
+    Returns:
+        uint8 (height, width, 3) RGB.
+    """
+    grid = decision.grid
+    box = known_box(grid.cells)
+    if decision.rooms is not None:
+        box = union(box, true_box(decision.rooms.labels > 0))
+    row0, row1, col0, col1 = grown_box(box, math.ceil(1.0 / grid.resolution), grid.shape)
+    shape = row1 - row0, col1 - col0
+    wide = _WIDTH.convert("width", width)
+    high = min(max(round(wide * shape[0] / shape[1]), wide // 3), 2 * wide)
+    corner = Pose(*grid.cell_to_world(row0 - 0.5, col0 - 0.5), grid.origin.theta)
+    view = _View.fit(shape, (wide, high), grid.resolution, corner)
+    codes = _map_codes(grid, decision, view.scale, None)[row0:row1, col0:col1]
+    image = view.place(_colours().take(codes, axis=0))
+    if len(decision.track):
+        _draw_track(image, view, decision.track)
+    if decision.frontiers:
+        if target is not None:
+            Rule(kind=int, low=0, high=len(decision.frontiers) - 1).convert("target", target)
+            _draw_path(image, view, decision, target)
+        _draw_viewpoints(image, view, decision, target)
+    _draw_robot(image, view, decision.pose, decision.robot_radius)
+    if decision.rooms is not None:
+        _draw_legend(image)
+    return image
+
+
 def _suitable_size(shape: tuple[int, int]) -> tuple[int, int]:
-    """Width and height in even pixels (films need them even) for a map of (rows, cols)."""
+    """Width and height in even pixels (films need them even) for a map of (rows, cols) and a bar below."""
     high = round(960 * shape[0] / shape[1] / 0.87 / 2) * 2
     return 960, min(max(high, 480), 1080)
 
@@ -188,7 +230,9 @@ class _View:
 
     def pixels(self, points: Floats) -> Floats:
         """Pixel coordinates (x right, y down) of world points (n, 2)."""
-        cells = (points - np.array([self.origin.x, self.origin.y])) / self.resolution
+        c, s = math.cos(self.origin.theta), math.sin(self.origin.theta)
+        away = points - np.array([self.origin.x, self.origin.y])
+        cells = away @ np.array([[c, -s], [s, c]]) / self.resolution
         xs = self.left + self.scale * cells[:, 0]
         ys = self.top + self.scale * (self.shape[0] - cells[:, 1])
         return np.stack([xs, ys], axis=1)
@@ -223,18 +267,21 @@ def _walls(raster: PlanRaster) -> Mask:
     return raster.occupied & (near > 0)
 
 
-def _map_codes(simulation: Simulation, decision: Decision | None, scale: float, truth: bool) -> Bytes:
-    """The grid with what is predicted and the frontiers as codes of `_colours`, in grid order."""
-    codes = simulation.mapper.grid.cells.view(np.uint8).copy()
+def _map_codes(grid: OccupancyGrid, decision: Decision | None, scale: float, floor: Mask | None) -> Bytes:
+    """The grid with what is predicted and the frontiers as codes of `_colours`, in grid order.
+
+    Where the true floor is given, that of it which has not been seen is hinted at, and mistakes are shown.
+    """
+    codes = grid.cells.view(np.uint8).copy()
     known_wall = codes == OCCUPIED
     unknown = codes == 255
-    if truth:
-        codes[unknown & simulation.truth.target] = _UNSEEN
+    if floor is not None:
+        codes[unknown & floor] = _UNSEEN
     if decision is not None and decision.rooms is not None:
         predicted = unknown & (decision.rooms.labels > 0)
-        codes[predicted] = np.where(
-            simulation.truth.target[predicted] | (not truth), np.uint8(_PREDICTED), np.uint8(_MISTAKEN)
-        )
+        codes[predicted] = _PREDICTED
+        if floor is not None:
+            codes[predicted & ~floor] = _MISTAKEN
     marks = np.zeros(codes.shape, np.uint8)
     for frontier in decision.frontiers if decision else ():
         marks[frontier.cells[:, 0], frontier.cells[:, 1]] = _FRONTIER + _class_of(frontier)
@@ -315,7 +362,7 @@ def _draw_viewpoints(image: Image, view: _View, decision: Decision, target: int 
 def _draw_robot(image: Image, view: _View, pose: Pose, radius: float) -> None:
     """An arrowhead in the direction of travel, at least large enough to be found."""
     size = max(11.0, 1.6 * radius / view.resolution * view.scale)
-    angles = np.array([pose.theta, pose.theta + 2.5, pose.theta + math.pi, pose.theta - 2.5])
+    angles = pose.theta - view.origin.theta + np.array([0.0, 2.5, math.pi, -2.5])
     reach = size * np.array([1.0, 0.95, 0.35, 0.95])
     tip = np.stack([np.cos(angles), -np.sin(angles)], axis=1) * reach[:, None]
     centre = view.pixels(np.array([[pose.x, pose.y]])) - 0.5

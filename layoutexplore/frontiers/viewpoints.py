@@ -29,6 +29,12 @@ from layoutexplore.planning.distance_fields import DistanceField
 MAX_REACH = 1.5
 """How far from the frontier a viewpoint may lie, in metres: beyond, the gap is too narrow for the robot."""
 
+MIN_SIZE = 0.4
+"""Metres; shorter frontiers are offered only when no longer one is left."""
+
+GAIN_RANGE, GAIN_RAYS = 8.0, 120
+"""Metres up to which the visible area of a viewpoint looks, and its rays."""
+
 NONE_FAILED = np.empty(0, np.uint64)
 """For a map whose viewpoints are searched for the first time."""
 

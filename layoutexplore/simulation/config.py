@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from layoutexplore.errors import ConfigError, unknown_name
+from layoutexplore.frontiers.viewpoints import GAIN_RANGE, GAIN_RAYS, MIN_SIZE
 from layoutexplore.metrics.exploration import FULLY_SEEN
 from layoutexplore.options import FLAG, SHARE, Rule, check, check_kind
 from layoutexplore.sensing.lidar import LidarConfig, sensor
@@ -81,9 +82,9 @@ class SimulationConfig:
     coverage_goal: float = FULLY_SEEN
     max_distance: float | None = None
     turn_cost: float = 0.0
-    frontier_min_size: float = 0.4
-    gain_range: float = 8.0
-    gain_rays: int = 120
+    frontier_min_size: float = MIN_SIZE
+    gain_range: float = GAIN_RANGE
+    gain_rays: int = GAIN_RAYS
     gone_share: float = 0.1
     noise: str = ""
     odometry_noise: OdometryNoise = PERFECT_ODOMETRY

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from layoutexplore.drawing import palette
 from layoutexplore.drawing import pictures as picture
 from layoutexplore.drawing.dashboard import put_text, text_width
-from layoutexplore.drawing.pictures import draw_grid, draw_plan, draw_state
+from layoutexplore.drawing.pictures import draw_decision, draw_grid, draw_plan, draw_state
 from layoutexplore.envs.viewer import draw_text
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision
@@ -137,6 +137,26 @@ def test_what_is_predicted_is_drawn_where_it_is_and_told_right_from_wrong(plan: 
     assert count(plain, palette.MISTAKEN) == 0 and count(plain, palette.PREDICTED) > count(
         hinted, palette.PREDICTED
     )
+
+
+def test_a_decision_is_drawn_in_the_frame_of_its_map(plan: FloorPlan) -> None:
+    decision = replace(run(plan).decision, track=np.array([(1.5, 1.5, 0.0), (2.0, 1.5, 0.0)]))
+    image = draw_decision(decision, width=700, target=0)
+    assert image.shape[1] == 700 and count(image, palette.FRONTIER) > 30 and count(image, palette.ROBOT) > 30
+    grid, c, s = decision.grid, math.cos(0.5), math.sin(0.5)
+    origin = Pose(c * grid.origin.x - s * grid.origin.y, s * grid.origin.x + c * grid.origin.y, 0.5)
+    x, y, theta = decision.pose
+    turned = replace(
+        decision,
+        grid=OccupancyGrid(grid.cells, grid.resolution, origin),
+        pose=Pose(c * x - s * y, s * x + c * y, theta + 0.5),
+        track=decision.track @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]),
+    )
+    assert (draw_decision(turned, width=700, target=0) != image).mean() < 0.001  # the last bit of a corner
+    with pytest.raises(ConfigError, match="target"):
+        draw_decision(decision, target=99)
+    with pytest.raises(ConfigError, match="width"):
+        draw_decision(decision, width=10)
 
 
 def test_cells_land_where_their_coordinates_do(plan: FloorPlan) -> None:

@@ -1,0 +1,167 @@
+"""Decisions on the map of a robot of one's own: those of a simulation, whatever the map's frame does."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from layoutexplore.agents import make_agent
+from layoutexplore.errors import ConfigError, MapError, StartError, UnknownNameError
+from layoutexplore.frontiers.decision import STOP, Decision
+from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.maps.library import load_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.predictors.robot_map import RobotMap
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.simulation import Simulation
+from tests.plans import FLAT
+
+
+def run(sensor: str = "stage") -> Simulation:
+    plan = floorplan_from_ascii(FLAT, resolution=1.0, name="flat")
+    return Simulation(plan, SimulationConfig(sensor=sensor))
+
+
+def copied(grid: OccupancyGrid) -> OccupancyGrid:
+    return OccupancyGrid(grid.cells.copy(), grid.resolution, grid.origin)
+
+
+def numbers(decision: Decision) -> list[tuple[float, ...]]:
+    """What tells frontiers apart in any frame."""
+    table = decision.table
+    columns = (table.path_length, table.size, table.straight_distance, table.closed, table.expected_area)
+    return [tuple(row) for row in np.stack(columns, axis=1).round(4).tolist()]
+
+
+def opening() -> OccupancyGrid:
+    """A room of 3.3 by 2.8 m with an opening of 1 m in its right wall."""
+    cells = np.full((40, 60), -1, np.int8)
+    cells[5:35, 5:40] = 100
+    cells[6:34, 6:39] = 0
+    cells[15:25, 39] = -1
+    return OccupancyGrid(cells, 0.1)
+
+
+def test_its_decisions_are_those_of_a_simulation_that_knows_the_same() -> None:
+    simulation = run()
+    simulation.reset(seed=1)
+    robot_map = RobotMap("none", clean=False)
+    asked = 0
+    while not simulation.done:
+        decision = robot_map.decide(copied(simulation.mapper.grid), simulation.pose)
+        assert numbers(decision) == numbers(simulation.decision)
+        views = decision.grid.cells_to_world(decision.viewpoints)
+        expected = simulation.decision.grid.cells_to_world(simulation.decision.viewpoints)
+        np.testing.assert_allclose(views, expected, atol=1e-9)
+        asked += 1
+        simulation.step(len(decision.frontiers) - 1)
+    assert asked > 3
+    assert decision.step == asked - 1 and len(decision.track) == asked and decision.distance > 0
+
+
+def test_a_frame_that_moves_changes_nothing() -> None:
+    """SLAM widens its map as it goes: the same cells lie elsewhere in the array."""
+    simulation = run()
+    simulation.reset(seed=2)
+    still, moved = RobotMap("layout"), RobotMap("layout")
+    for k in range(4):
+        grid = copied(simulation.mapper.grid)
+        cells = np.pad(grid.cells, ((k, 0), (0, 2 * k)), constant_values=-1)
+        x, y = grid.cell_to_world(-k - 0.5, -0.5)
+        wider = OccupancyGrid(cells, grid.resolution, Pose(x, y))
+        one, other = still.decide(grid, simulation.pose), moved.decide(wider, simulation.pose)
+        assert numbers(one) == numbers(other)
+        simulation.step(0)
+
+
+def test_a_turned_map_has_the_same_frontiers() -> None:
+    grid, here = opening(), Pose(1.0, 1.0, 0.3)
+    c, s = math.cos(0.7), math.sin(0.7)
+    turned = OccupancyGrid(grid.cells, grid.resolution, Pose(4.0, -2.0, 0.7))
+    there = Pose(4.0 + c * here.x - s * here.y, -2.0 + s * here.x + c * here.y, 1.0)
+    one, other = RobotMap("layout").decide(grid, here), RobotMap("layout").decide(turned, there)
+    assert numbers(one) == numbers(other) and len(one.frontiers) == 1
+    x, y = one.frontiers[0].centroid
+    assert other.frontiers[0].centroid == pytest.approx((4.0 + c * x - s * y, -2.0 + s * x + c * y))
+
+
+def test_beams_through_gaps_of_walls_are_no_frontiers() -> None:
+    grid = opening()
+    grid.cells[10, 39:55] = 0  # a beam through a hole of the wall
+    here = Pose(1.0, 1.0)
+    assert len(RobotMap("none").decide(grid, here).frontiers) == 1
+    assert len(RobotMap("none", clean=False, min_size=0.0).decide(grid, here).frontiers) > 1
+
+
+def test_what_is_occupied_stays_so() -> None:
+    grid = opening()
+    grid.cells[20, 20] = 100  # the leg of a chair
+    decision = RobotMap("none").decide(grid, Pose(1.0, 1.0))
+    assert np.count_nonzero(decision.grid.occupied) == np.count_nonzero(grid.occupied)
+
+
+def test_the_way_leads_to_where_the_frontier_is_seen_from() -> None:
+    robot_map, here = RobotMap("none"), Pose(1.0, 1.0)
+    decision = robot_map.decide(opening(), here)
+    way = robot_map.way(decision, 0)
+    assert math.hypot(*(way[0] - here[:2])) < 0.1
+    np.testing.assert_allclose(way[-1], decision.grid.cell_to_world(*decision.frontiers[0].viewpoint))
+    steps = np.hypot(*np.diff(way, axis=0).T)
+    assert steps.max() < 0.15 and steps.sum() == pytest.approx(decision.frontiers[0].path_length, abs=1e-5)
+    assert robot_map.decide(opening(), here).goal == decision.frontiers[0].centroid
+    assert robot_map.way(decision, STOP).shape == (0, 2)
+    with pytest.raises(ConfigError, match="choice"):
+        robot_map.way(decision, 1)
+
+
+@pytest.mark.parametrize("name", ["layout-tour", "watchful-tour", "policy", "plan-tour", "nearest"])
+def test_agents_choose_a_way_on_it(name: str) -> None:
+    simulation = Simulation(load_plan("apartment-01"), SimulationConfig(sensor="indoor"))
+    simulation.reset(seed=0)
+    agent, robot_map = make_agent(name), RobotMap("layout", sensor="indoor")
+    agent.reset(0)
+    decision = robot_map.decide(copied(simulation.mapper.grid), simulation.pose)
+    way = robot_map.way(decision, agent.act(decision))
+    assert len(way) > 1
+    cells = decision.grid.world_to_cells(way)
+    assert decision.traversable[cells[1:, 0], cells[1:, 1]].all()
+
+
+def test_what_was_given_up_is_not_offered_again() -> None:
+    robot_map, here, grid = RobotMap("none"), Pose(1.0, 1.0), opening()
+    decision = robot_map.decide(grid, here)
+    robot_map.give_up(decision, 0)
+    assert not robot_map.decide(grid, here).frontiers
+    wider = OccupancyGrid(np.pad(grid.cells, ((3, 0), (0, 0)), constant_values=-1), 0.1, Pose(0.0, -0.3))
+    assert not robot_map.decide(wider, here).frontiers
+    smaller = OccupancyGrid(grid.cells[:, :30].copy(), 0.1)  # what was given up lies outside
+    assert robot_map.decide(smaller, here).frontiers
+    with pytest.raises(ConfigError, match="index"):
+        robot_map.give_up(decision, 5)
+
+
+def test_probabilities_count_as_ros_counts_them() -> None:
+    grid = opening()
+    cells = np.select([grid.cells == 0, grid.cells == 100], [10, 80], -1).astype(np.int8)
+    here = Pose(1.0, 1.0)
+    told = RobotMap("none").decide(OccupancyGrid(cells, 0.1), here)
+    assert numbers(told) == numbers(RobotMap("none").decide(grid, here))
+
+
+def test_what_cannot_be_is_refused() -> None:
+    robot_map, grid = RobotMap("none"), opening()
+    with pytest.raises(StartError, match=r"not on its map: \(100, 1\)"):
+        robot_map.decide(grid, Pose(100.0, 1.0))
+    with pytest.raises(ConfigError, match="pose"):
+        robot_map.decide(grid, Pose(math.nan, 1.0))
+    with pytest.raises(MapError, match="no cell"):
+        robot_map.decide(OccupancyGrid(np.full((5, 5), -1, np.int8), 0.1), Pose(0.2, 0.2))
+    with pytest.raises(UnknownNameError):
+        RobotMap("layuot")
+    with pytest.raises(UnknownNameError):
+        RobotMap(sensor="stag")
+    with pytest.raises(ConfigError, match="robot_radius"):
+        RobotMap(robot_radius=0.0)
+    assert robot_map.decide(grid, Pose(1.0, 1.0)).frontiers  # as if nothing had been asked
