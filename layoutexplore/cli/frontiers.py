@@ -21,7 +21,7 @@ def register(app: typer.Typer) -> None:
         "layoutexplore frontiers map.yaml --at 3.2,1.5",
         "layoutexplore frontiers map.yaml --agent watchful-tour --sensor indoor --out found",
     )
-    app.command("frontiers", epilog="Examples: " + "; ".join(examples))(frontiers)
+    app.command("frontiers", epilog="Examples: " + "; ".join(examples))(show_frontiers)
 
 
 Place = Annotated[
@@ -41,7 +41,7 @@ Folder = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of a table.")]
 
 
-def frontiers(
+def show_frontiers(
     source: Annotated[
         Path, typer.Argument(metavar="MAP", help="ROS map YAML file or image of a map that is not finished.")
     ],

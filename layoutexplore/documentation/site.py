@@ -24,7 +24,7 @@ ORDER = (
     *("own-building", "limits-and-safety", "prior-plans"),
     *("layouts-of-maps", "layout-methods-in-exploration", "half-seen-rooms", "foresight"),
     *("robot-behaviours", "noisy-robots", "environments", "training"),
-    *("own-agent", "own-predictor", "own-layout-method"),
+    *("own-robot", "own-agent", "own-predictor", "own-layout-method"),
 )
 """Pages in the order in which they stand in their section; others follow by name."""
 
