@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from layoutexplore.benchmark.rows import Row
+    from layoutexplore.cli.exploration import RunWatcher
     from layoutexplore.grids.grid import Pose
     from layoutexplore.simulation.config import SimulationConfig
     from layoutexplore.simulation.simulation import Simulation
@@ -133,14 +135,7 @@ def explore(
 ) -> None:
     """Explore one floor plan."""
     from layoutexplore.benchmark.rows import Row, prepare, score_run
-    from layoutexplore.cli.exploration import (
-        RunWatcher,
-        check_run_files,
-        film_of,
-        save_run,
-        summary,
-        way_home,
-    )
+    from layoutexplore.cli.exploration import RunWatcher, check_run_files, film_of, save_run
     from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.files import check_places
     from layoutexplore.files.locking import held
@@ -157,13 +152,12 @@ def explore(
     agent = with_prior(agent, prior, prior_scale)
     simulation, chosen = prepare(plan, settings, agent)
     note_unused(simulation)
-    begin, pause = parse_start(start), math.inf if pause_after is None else pause_after
+    begin, until = parse_start(start), functools.partial(_has_come, pause_after)
     with held(out, "run") if out else nullcontext():
         with ProgressLine(console, "% seen") as line, film_of(video, fps) as film:
             watcher = RunWatcher(line, agent, pictures=bool(out), state_file=save_state, goes_on=bool(saved))
             if film:
                 simulation.on_scan = lambda state: film.add(watcher.draw(state))
-            until = functools.partial(_has_come, pause)
             episode = play(
                 simulation, chosen, seed=seed, start=begin, on_step=watcher.note, until=until, saved=saved
             )
@@ -171,16 +165,23 @@ def explore(
             simulation.on_scan = None
         row = Row(plan=simulation.plan.name, start=0, sensor=sensor, agent=agent, seed=seed)
         row = score_run(row, simulation, episode)
-        back = way_home(simulation) if returns and simulation.done else ""
-        console.print(summary(row, filmed=video is not None, back=back, prior=watcher.belief(simulation)))
-        written = [path for path in (video, save_state) if path]
-        for path in (*written, *(save_run(out, simulation, watcher) if out else ())):
+        _tell(row, simulation, watcher, returns=returns, filmed=video is not None)
+        for path in filter(None, (video, save_state, *(save_run(out, simulation, watcher) if out else ()))):
             console.print(f"wrote {path}", soft_wrap=True)
 
 
-def _has_come(metres: float, simulation: Simulation) -> bool:
-    """Whether the robot has travelled so far."""
-    return simulation.distance >= metres
+def _tell(row: Row, simulation: Simulation, watcher: RunWatcher, *, returns: bool, filmed: bool) -> None:
+    """Print what came of a run, after the way back if there is to be one."""
+    from layoutexplore.cli.exploration import summary, way_home
+    from layoutexplore.cli.progress import plain_console
+
+    back = way_home(simulation) if returns and simulation.done else ""
+    plain_console().print(summary(row, filmed=filmed, back=back, prior=watcher.belief(simulation)))
+
+
+def _has_come(metres: float | None, simulation: Simulation) -> bool:
+    """Whether the robot has travelled so far; never where no distance is given."""
+    return metres is not None and simulation.distance >= metres
 
 
 def _settings(config: Path | None, sensor: str, region: str | None, noise: str) -> SimulationConfig:

@@ -135,11 +135,8 @@ def draw_state(
     _draw_region(image, view, simulation)
     _draw_sight(image, view, simulation)
     _draw_track(image, view, simulation.track)
-    if decision is not None and decision.frontiers:
-        if target is not None:
-            Rule(kind=int, low=0, high=len(decision.frontiers) - 1).convert("target", target)
-            _draw_path(image, view, decision, target)
-        _draw_viewpoints(image, view, decision, target)
+    if decision is not None:
+        _draw_choices(image, view, decision, target)
     _draw_robot(image, view, simulation.pose, simulation.config.robot_radius)
     if decision is not None and decision.rooms is not None:
         _draw_legend(image)
@@ -175,11 +172,7 @@ def draw_decision(decision: Decision, *, width: int = 960, target: int | None = 
     image = view.place(_colours().take(codes, axis=0))
     if len(decision.track):
         _draw_track(image, view, decision.track)
-    if decision.frontiers:
-        if target is not None:
-            Rule(kind=int, low=0, high=len(decision.frontiers) - 1).convert("target", target)
-            _draw_path(image, view, decision, target)
-        _draw_viewpoints(image, view, decision, target)
+    _draw_choices(image, view, decision, target)
     _draw_robot(image, view, decision.pose, decision.robot_radius)
     if decision.rooms is not None:
         _draw_legend(image)
@@ -338,6 +331,16 @@ def _draw_track(image: Image, view: _View, track: Floats) -> None:
     for first, last in itertools.pairwise(borders.tolist()):
         colour = palette.mix(palette.TRACK_OLD, palette.TRACK_NEW, last / (len(points) - 1))
         cv2.polylines(image, [points[first : last + 1]], False, colour, 2, cv2.LINE_AA, _SHIFT)
+
+
+def _draw_choices(image: Image, view: _View, decision: Decision, target: int | None) -> None:
+    """Where the frontiers would be looked at from, and the path to the one that is gone to."""
+    if not decision.frontiers:
+        return
+    if target is not None:
+        Rule(kind=int, low=0, high=len(decision.frontiers) - 1).convert("target", target)
+        _draw_path(image, view, decision, target)
+    _draw_viewpoints(image, view, decision, target)
 
 
 def _draw_path(image: Image, view: _View, decision: Decision, target: int) -> None:

@@ -14,7 +14,6 @@ import numpy as np
 from layoutexplore.errors import MapError, StartError, checks_calls
 from layoutexplore.frontiers.decision import PATHS, STOP, Choice, Decision, path_of
 from layoutexplore.frontiers.detection import FrontierDetector
-from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import GAIN_RANGE, GAIN_RAYS, MIN_SIZE, ViewpointSelector
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.boxes import Box, known_box, true_box
@@ -166,8 +165,7 @@ class RobotMap:
             ConfigError: There is no such frontier.
         """
         number = Rule(kind=int, low=0, high=len(decision.frontiers) - 1).convert("index", index)
-        frontier: Frontier = decision.frontiers[number]
-        points = decision.grid.cells_to_world(frontier.cells)
+        points = decision.grid.cells_to_world(decision.frontiers[number].cells)
         self._given_up = np.concatenate([self._given_up, points])
         if self._frame is not None:
             self._blacklist(self._frame, points)

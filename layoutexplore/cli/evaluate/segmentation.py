@@ -64,6 +64,10 @@ Simulated = Annotated[
     ),
 ]
 
+ReportFolder = Annotated[
+    Path | None, typer.Option(help="Folder for report.html, results.csv and a picture per map.")
+]
+
 
 def segmentation(
     folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
@@ -79,9 +83,7 @@ def segmentation(
     weight: Weights = None,
     resolution: CaseResolution = 0.05,
     json_file: JsonFile = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for report.html, results.csv and a picture per map.")
-    ] = None,
+    out: ReportFolder = None,
     jobs: Jobs = 1,
 ) -> None:
     """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all.
@@ -89,19 +91,14 @@ def segmentation(
     With --leave-out source, each source of maps is scored with a judge trained without it: the figure to
     expect of maps from elsewhere, and the one by which models are chosen.
     """
-    from layoutexplore.errors import ConfigError, require, shortened
+    from layoutexplore.errors import require
     from layoutexplore.evaluation.cross_validation import CrossValidationConfig
     from layoutexplore.evaluation.segmentation import evaluate_cases, usable_cases
-    from layoutexplore.layout.pipeline import layout_method
     from layoutexplore.maps.library import find_plans
     from layoutexplore.maps.painted_rooms import find_cases
-    from layoutexplore.metrics.segmentation import PROTOCOLS
 
-    if protocol not in PROTOCOLS:
-        raise ConfigError(f"unknown protocol {shortened(protocol)}: known are {', '.join(PROTOCOLS)}")
     methods = list(dict.fromkeys(method or ["default"]))
-    for name in methods:
-        layout_method(name)
+    _check_known(protocol, methods)
     cases = find_cases(folders, read_buildings(buildings) if buildings else None)
     training = {"--seeds": seeds > 1, "--plans": bool(plans), "--weight": bool(weight)}
     training |= {"--simulated": simulated != SIMULATED, "--source": bool(source)}
@@ -132,6 +129,18 @@ def segmentation(
     said = {"protocol": protocol, "resolution": resolution, "held_out": held_out, "failed": failed}
     _write_results(collected, json_file, out, said)
     end_study(failed)
+
+
+def _check_known(protocol: str, methods: Iterable[str]) -> None:
+    """Raise a `ConfigError` where there is no such protocol or layout method."""
+    from layoutexplore.errors import ConfigError, shortened
+    from layoutexplore.layout.pipeline import layout_method
+    from layoutexplore.metrics.segmentation import PROTOCOLS
+
+    if protocol not in PROTOCOLS:
+        raise ConfigError(f"unknown protocol {shortened(protocol)}: known are {', '.join(PROTOCOLS)}")
+    for name in methods:
+        layout_method(name)
 
 
 def _collect(
