@@ -108,9 +108,7 @@ def _train(
             pool = generated if not real or (generated and rng.random() < config.generated_share) else real
             chosen.append(pool[int(rng.integers(len(pool)))])
         planes, truth, weight = _batch(chosen, config, rng)
-        with torch.autocast("cpu", torch.bfloat16):
-            odds = network(planes)
-        wrong = functional.binary_cross_entropy_with_logits(odds.float(), truth, reduction="none")
+        wrong = functional.binary_cross_entropy_with_logits(network(planes), truth, reduction="none")
         # A crop may hold nothing that is asked.
         loss = (wrong * weight).sum() / weight.sum().clamp(min=1.0)
         return loss, loss

@@ -201,10 +201,8 @@ def _losses(
     """All losses, weighted, and that of "closed"."""
     crops, closed, area, truth = batch
     shares, cells = _shares(crops), torch.from_numpy(np.ascontiguousarray(truth)).long()
-    with torch.autocast("cpu", torch.bfloat16):
-        hidden = network.hidden(shares)
-        found, drawn = network.layers["judge"](hidden["weigh"]), network.drawing(hidden)
-    found, drawn = found.float(), drawn.float()
+    hidden = network.hidden(shares)
+    found, drawn = network.layers["judge"](hidden["weigh"]), network.drawing(hidden)
     wanted = torch.from_numpy(
         np.stack([closed, closed & (area < LITTLE_LEFT), np.log1p(area)], 1).astype(np.float32)
     )
