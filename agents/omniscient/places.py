@@ -17,7 +17,7 @@ from layoutexplore.agents.omniscient.route import Stop
 from layoutexplore.agents.omniscient.visibility import Bits, FloorInView, Visibility
 from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats32, Ints, Ints32, Mask, Words
-from layoutexplore.grids.grid import Cell
+from layoutexplore.grids.grid import Cell, in_cells
 from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Workspace
 from layoutexplore.planning.shortest_paths import flat_indices, geodesic_distances, shortest_path
 
@@ -52,7 +52,7 @@ class Places:
 
     def __init__(self, scene: FloorInView, visibility: Visibility, lattice: float) -> None:
         self.visibility, self.resolution = visibility, scene.resolution
-        self._step = max(1, round(lattice / scene.resolution))
+        self._step = in_cells(lattice, scene.resolution)
         self.traversable = np.ascontiguousarray(scene.reachable)
         self._opaque = scene.occupied
         self.cells = _lattice(self.traversable, self._step)

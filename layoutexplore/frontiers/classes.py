@@ -19,7 +19,7 @@ from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Labels, Mask, shows_shapes
 from layoutexplore.grids.components import label_components
-from layoutexplore.grids.grid import UNKNOWN
+from layoutexplore.grids.grid import UNKNOWN, in_cells
 from layoutexplore.grids.runs import run_end
 
 LITTLE_LEFT = 1.0
@@ -92,7 +92,7 @@ def classify_frontiers(
         ([True, False], [1, 2], [0.75, 0.75])
     """
     members, offsets = clusters.cells, clusters.offsets
-    depth = max(1, round(config.depth / resolution))
+    depth = in_cells(config.depth, resolution)
     total, seen = _count_rooms(cells, room_ids, passable)
     component, components = label_components((cells == UNKNOWN) & passable)
     by_room = _count_components(component, components, room_ids, len(total))

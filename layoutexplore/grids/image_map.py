@@ -25,7 +25,7 @@ import numpy as np
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.components import split_labels
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution, in_cells
 from layoutexplore.grids.morphology import dilate_by_disc
 
 FREE_ABOVE = 230
@@ -174,7 +174,7 @@ def _border_levels(grey: Bytes, free: Mask) -> list[int]:
 
 def _courtyards(grey: Bytes, known: Mask, resolution: float) -> Mask:
     """The pixels, bool (h, w), of thick areas of one flat mid-grey and many square metres."""
-    thick = _thick(grey, ~known & (grey >= DARK_BELOW), max(1, round(COURTYARD_RADIUS / resolution)))
+    thick = _thick(grey, ~known & (grey >= DARK_BELOW), in_cells(COURTYARD_RADIUS, resolution))
     if not thick.any():
         return thick
     parts, areas = split_labels(np.where(known | (grey < DARK_BELOW), -1, grey.astype(np.int32)))
@@ -203,7 +203,7 @@ def _inside_of_background(grey: Bytes, free: Mask, resolution: float) -> Mask:
         return np.zeros(free.shape, np.bool_)
     level = int(np.bincount(grey[~free], minlength=256).argmax())
     mass = ~free & (np.abs(grey.astype(np.int16) - level) <= 1)
-    cells = max(1, round(SOLID_RADIUS / resolution))
+    cells = in_cells(SOLID_RADIUS, resolution)
     reach = 2 * cells + 1
     padded = np.pad(mass, reach, constant_values=True)
     if cells > _LARGE_DISC:

@@ -11,7 +11,7 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Mask
 from layoutexplore.grids.boxes import known_box
-from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid, in_cells
 
 WALL_SPACING, FLOOR_SPACING = 0.3, 0.5
 """Metres between points of walls, and of floor."""
@@ -54,9 +54,7 @@ def seen_points(grid: OccupancyGrid) -> Evidence:
     metres = cv2.distanceTransform((cells != OCCUPIED).astype(np.uint8), cv2.DIST_L2, 3) * grid.resolution
     if not (cells == OCCUPIED).any():
         metres[:] = 2 * CLEARANCE
-    wall_step, floor_step = (
-        max(1, round(spacing / grid.resolution)) for spacing in (WALL_SPACING, FLOOR_SPACING)
-    )
+    wall_step, floor_step = (in_cells(spacing, grid.resolution) for spacing in (WALL_SPACING, FLOOR_SPACING))
     walls, floor, free = _points(cells, metres.astype(np.float32), wall_step, floor_step, CLEARANCE)
     offset = np.array([row0, col0], np.float64)
     return Evidence(

@@ -19,6 +19,7 @@ import shapely
 
 from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask, shows_shapes
+from layoutexplore.grids.grid import in_cells
 from layoutexplore.grids.polygons import fill
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.raster import PlanRaster
@@ -241,7 +242,7 @@ class _Drawing:
             return False
         values = (rows, cols)[axis]
         at = int(values.min() + self.rng.uniform(0.35, 0.65) * spans[axis])
-        thick = max(1, round(NEW_WALL / self.raster.resolution))
+        thick = in_cells(NEW_WALL, self.raster.resolution)
         wall = (values >= at) & (values < at + thick)
         across = (cols, rows)[axis]
         place = self.rng.choice(across[wall]) if wall.any() else 0

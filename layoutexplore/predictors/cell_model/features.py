@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32, Labels, Mask
+from layoutexplore.grids.grid import in_cells
 from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.bit_map import (
     ALONG_COLS,
@@ -108,7 +109,7 @@ def find_candidates(
         spacing: Metres on a side of a lattice cell.
         reach: Metres of path through the unknown up to which a cell is a candidate.
     """
-    stride = max(round(spacing / resolution), 1)
+    stride = in_cells(spacing, resolution)
     bit_map = draw_bit_map(cells, regions, resolution, SIGHT + resolution)
     owner, way, crossed = _reach(bit_map.code, bit_map.margin, regions.labels, round(reach / resolution))
     first: Ints32 = _one_each(owner[0], bit_map.margin, cells.shape, stride)

@@ -7,6 +7,7 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Cells
 from layoutexplore.grids.boxes import Box, grown_box
+from layoutexplore.grids.grid import in_cells
 from layoutexplore.layout.doorways import Gaps, Regions
 from layoutexplore.predictors.bit_map import (
     ALONG_COLS,
@@ -48,7 +49,7 @@ class FollowedBitMap:
             The bit map; and what differs from the last one, uint8 (blocks down, blocks across), not 0 where
             one of `BLOCK` by `BLOCK` cells of the code does. None where that was of another shape.
         """
-        border = max(round(margin / resolution), 1)
+        border = in_cells(margin, resolution)
         kept, shape = self._bit_map, tuple(size + 2 * border for size in cells.shape)
         if kept is None or kept.code.shape != shape or resolution != self._resolution:
             self._bit_map = draw_bit_map(cells, regions, resolution, margin)
@@ -63,7 +64,7 @@ class FollowedBitMap:
         row0, row1, col0, col1 = box = _changed_box(cells, gaps, code, margin)
         if row0 >= row1:
             return blocks
-        shortest = max(round(WALL_MIN / self._resolution), 1)
+        shortest = in_cells(WALL_MIN, self._resolution)
         reach = round(EXTENSION_REACH / self._resolution)
         top, bottom, left, right = grown_box(box, reach + shortest, code.shape)
         top, left = top // BLOCK * BLOCK, left // BLOCK * BLOCK
