@@ -19,6 +19,7 @@ from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.frontiers.classes import LITTLE_LEFT, true_classes
 from layoutexplore.frontiers.decision import Decision, Privileged
 from layoutexplore.grids.arrays import Cells, Ints32, Mask, check_alike
+from layoutexplore.grids.boxes import window
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor
 from layoutexplore.predictors.snapshot import Snapshot
@@ -242,9 +243,8 @@ def boundary_distance(a: Mask, b: Mask) -> float:
     check_alike("boundary_distance", a=a, b=b)
     if a.ndim != 2 or not a.any() or not b.any():
         raise ConfigError(f"boundary_distance: each mask is 2-d with a cell at least, got {a.shape}")
-    rows, cols = np.nonzero(a | b)
-    window = np.s_[max(rows.min() - 1, 0) : rows.max() + 2, max(cols.min() - 1, 0) : cols.max() + 2]
-    edges = [m & ~ndimage.binary_erosion(m) for m in (a[window], b[window])]
+    part = window(a | b, 1)
+    edges = [m & ~ndimage.binary_erosion(m) for m in (a[part], b[part])]
     away = [ndimage.distance_transform_edt(~edge) for edge in edges]
     there, back = float(np.mean(away[1][edges[0]])), float(np.mean(away[0][edges[1]]))
     return (there + back) / 2

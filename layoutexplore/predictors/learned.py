@@ -134,9 +134,8 @@ class LearnedRooms(RoomsOnGrid):
         rows, cols = self._cells.shape
         squares = np.zeros((-(-rows // candidates.stride), -(-cols // candidates.stride)), np.float32)
         at = candidates.cells // candidates.stride
-        np.maximum.at(
-            squares, (at[:, 0], at[:, 1]), probability.astype(np.float32)
-        )  # Of two rooms the likelier one counts.
+        # Of two rooms the likelier one counts.
+        np.maximum.at(squares, (at[:, 0], at[:, 1]), probability.astype(np.float32))
         chance: Floats32 = squares.repeat(candidates.stride, 0).repeat(candidates.stride, 1)[:rows, :cols]
         chance[self._cells != UNKNOWN] = 0.0
         return chance
