@@ -80,14 +80,17 @@ def draw_cells(cells: Cells, gaps: Gaps, box: Ints, margin: int, code: Bytes) ->
     """Write the bits that cells have by themselves, in a box int64 (4,): row0, col0, row1, col1."""
     low, high = box[1], box[3]
     for r in range(box[0], box[2]):
-        values, widths, bits = (
-            cells[r, low:high],
-            gaps[r, low:high],
-            code[r + margin, low + margin : high + margin],
-        )
+        values, widths = cells[r, low:high], gaps[r, low:high]
+        bits = code[r + margin, low + margin : high + margin]
         for c in range(values.size):
-            known = WALL_BIT if values[c] == 100 else FREE_BIT
-            bits[c] = (UNKNOWN_BIT if values[c] == -1 else known) | (DOOR_BIT if widths[c] > 0 else 0)
+            bits[c] = bits_of(values[c], widths[c])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def bits_of(value: int, width: int) -> int:
+    """The bits that a cell has by itself, of its value and the width of the gap that it lies in."""
+    known = WALL_BIT if value == 100 else FREE_BIT
+    return (UNKNOWN_BIT if value == -1 else known) | (DOOR_BIT if width > 0 else 0)
 
 
 @njit(cache=True, nogil=True)

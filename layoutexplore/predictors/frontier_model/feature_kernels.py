@@ -226,7 +226,7 @@ def flood_unknown(
                     elif bits & WALL_BIT:
                         walls += 1
                     else:
-                        # Every so manieth free cell is kept; when the list is full, half of it goes and
+                        # Every `stride`-th free cell is kept; when the list is full, half of it goes and
                         # the stride doubles, so that those kept stay evenly spread.
                         if free % stride == 0:
                             if kept == TOUCHED:

@@ -19,6 +19,7 @@ from layoutexplore.predictors.bit_map import (
     WALL_BIT,
     WALL_MIN,
     BitMap,
+    bits_of,
     draw_bit_map,
     draw_cells,
 )
@@ -89,25 +90,18 @@ def _changed_box(cells: Cells, gaps: Gaps, code: Bytes, margin: int) -> Box:
         values, widths, bits = cells[r], gaps[r], code[r + margin, margin : margin + cols]
         differs = np.uint8(0)
         for c in range(cols):
-            differs |= np.uint8(_bits_of(values[c], widths[c]) ^ (bits[c] & _KNOWN))
+            differs |= np.uint8(bits_of(values[c], widths[c]) ^ (bits[c] & _KNOWN))
         if not differs:
             continue
         first, last = 0, cols
-        while _bits_of(values[first], widths[first]) == bits[first] & _KNOWN:
+        while bits_of(values[first], widths[first]) == bits[first] & _KNOWN:
             first += 1
-        while _bits_of(values[last - 1], widths[last - 1]) == bits[last - 1] & _KNOWN:
+        while bits_of(values[last - 1], widths[last - 1]) == bits[last - 1] & _KNOWN:
             last -= 1
         row0, row1, col0, col1 = min(row0, r), r + 1, min(col0, first), max(col1, last)
     if row0 >= row1:
         return 0, 0, 0, 0
     return row0 + margin, row1 + margin, col0 + margin, col1 + margin
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _bits_of(value: int, width: int) -> int:
-    """The bits of a cell by itself."""
-    known = WALL_BIT if value == 100 else FREE_BIT
-    return (UNKNOWN_BIT if value == -1 else known) | (DOOR_BIT if width > 0 else 0)
 
 
 @njit(cache=True, nogil=True)

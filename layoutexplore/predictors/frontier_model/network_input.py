@@ -169,7 +169,7 @@ def _draw_crop(
     """
     (code, labels), squares = flat, out.reshape(SIDE * SIDE, PLANES)
     for a in range(SIDE):
-        # Where a cell has more grid cells than a counter holds, every so manieth is counted.
+        # Where a cell has more grid cells than a counter holds, only every n-th is counted.
         step_ahead = (ahead[a + 1] - ahead[a]) // (_MOST_CELLS + 1) + 1
         for s in range(SIDE):
             step_aside = (aside[s + 1] - aside[s]) // (_MOST_CELLS + 1) + 1
