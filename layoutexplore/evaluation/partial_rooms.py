@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -198,12 +199,7 @@ def _score_room(snapshot: Snapshot, item: Item, rooms: RoomLabels, predictor: st
     hidden = item.mask & ~item.seen
     whole = item.seen | found
     return RoomScore(
-        plan=snapshot.plan,
-        building=snapshot.building,
-        sensor=snapshot.sensor,
-        seed=snapshot.seed,
-        coverage=snapshot.coverage,
-        predictor=predictor,
+        **_origin(snapshot, predictor),
         room=item.room,
         explored=float(item.seen.sum() / item.mask.sum()),
         iou=_iou(whole, item.mask),
@@ -213,6 +209,12 @@ def _score_room(snapshot: Snapshot, item: Item, rooms: RoomLabels, predictor: st
         remaining=float(found.sum()) * resolution**2,
         true_remaining=float(hidden.sum()) * resolution**2,
     )
+
+
+def _origin(snapshot: Snapshot, predictor: str) -> dict[str, Any]:
+    """What was asked, and who: the first fields of every score."""
+    names = ("plan", "building", "sensor", "seed", "coverage")
+    return {name: getattr(snapshot, name) for name in names} | {"predictor": predictor}
 
 
 @checks_arguments
@@ -255,12 +257,7 @@ def _score_frontiers(snapshot: Snapshot, judged: Decision, predictor: str) -> li
     true = true_classes(decision, snapshot.truth)
     return [
         FrontierScore(
-            plan=snapshot.plan,
-            building=snapshot.building,
-            sensor=snapshot.sensor,
-            seed=snapshot.seed,
-            coverage=snapshot.coverage,
-            predictor=predictor,
+            **_origin(snapshot, predictor),
             x=float(frontier.centroid[0]),
             y=float(frontier.centroid[1]),
             closed=bool(frontier.is_closed),
