@@ -11,7 +11,7 @@ from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
-from layoutexplore.grids.morphology import disc
+from layoutexplore.grids.morphology import disc, with_neighbours
 from layoutexplore.priors.openings import with_ways_in
 from layoutexplore.priors.registration import Hypothesis, Registration, thinned
 from layoutexplore.priors.warp import WarpedPlacement
@@ -200,9 +200,6 @@ def compared(grid: OccupancyGrid, registration: Registration) -> Bytes:
         codes[unseen & (drawn == FREE)] = Compared.FORESEEN_FLOOR
         codes[unseen & (drawn == OCCUPIED)] = Compared.FORESEEN_WALL
         near = in_cells(TOLERANCE, grid.resolution)
-        kernel = np.ones((2 * near + 1, 2 * near + 1), np.uint8)
-        walls = cv2.dilate((drawn == OCCUPIED).astype(np.uint8), kernel) > 0
-        codes[(cells == OCCUPIED) & ~walls] = Compared.OTHER_WALL
-        solid = cv2.erode((drawn != FREE).astype(np.uint8), kernel) > 0
-        codes[(cells == FREE) & solid] = Compared.OTHER_FLOOR
+        codes[(cells == OCCUPIED) & ~with_neighbours(drawn == OCCUPIED, near)] = Compared.OTHER_WALL
+        codes[(cells == FREE) & ~with_neighbours(drawn == FREE, near)] = Compared.OTHER_FLOOR
     return codes

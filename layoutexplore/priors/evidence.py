@@ -46,8 +46,7 @@ class Evidence:
 
 def seen_points(grid: OccupancyGrid) -> Evidence:
     """The points of a grid; empty where nothing is known."""
-    box = known_box(grid.cells)
-    row0, row1, col0, col1 = box
+    row0, row1, col0, col1 = known_box(grid.cells)
     if row1 <= row0 or col1 <= col0:
         return Evidence(np.zeros((0, 2)), np.zeros((0, 2)), 0.0)
     cells = np.ascontiguousarray(grid.cells[row0:row1, col0:col1])
@@ -56,17 +55,8 @@ def seen_points(grid: OccupancyGrid) -> Evidence:
         metres[:] = 2 * CLEARANCE
     wall_step, floor_step = (in_cells(spacing, grid.resolution) for spacing in (WALL_SPACING, FLOOR_SPACING))
     walls, floor, free = _points(cells, metres.astype(np.float32), wall_step, floor_step, CLEARANCE)
-    offset = np.array([row0, col0], np.float64)
-    return Evidence(
-        _to_world(walls + offset, grid), _to_world(floor + offset, grid), free * grid.resolution**2
-    )
-
-
-def _to_world(places: Floats, grid: OccupancyGrid) -> Floats:
-    """World points of centres of cells (row, col) float64 (n, 2)."""
-    c, s = math.cos(grid.origin.theta), math.sin(grid.origin.theta)
-    local = (places[:, ::-1] + 0.5) * grid.resolution
-    return np.asarray(local @ np.array([[c, s], [-s, c]]) + (grid.origin.x, grid.origin.y))
+    walls, floor = (grid.cells_to_world(places + np.array([row0, col0])) for places in (walls, floor))
+    return Evidence(walls, floor, free * grid.resolution**2)
 
 
 @njit(cache=True, nogil=True)
