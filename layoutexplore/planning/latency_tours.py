@@ -90,6 +90,7 @@ def _greedy(distances: Floats, shares: Floats) -> Ints:
         best, rate = -1, -1.0
         for place in range(1, count):
             if left[place]:
+                # Of places without weight the nearest comes first.
                 value = (shares[place] + 1e-6) / (distances[here, place] + _NEAR)
                 if value > rate:
                     best, rate = place, value

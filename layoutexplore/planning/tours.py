@@ -107,13 +107,14 @@ def improve(distances: Floats, tour: Ints) -> None:
 
 @njit(cache=True, nogil=True)
 def _two_opt(distances: Floats, tour: Ints) -> bool:
-    """One pass that reverses every stretch tour[i..j] whose reversal saves metres; whether there was one."""
+    """One pass that reverses every segment tour[i..j] whose reversal saves metres; whether there was one."""
     count = len(tour)
     improved = False
     for i in range(1, count - 1):
         for j in range(i + 1, count):
             before = distances[tour[i - 1], tour[i]]
             after = distances[tour[i - 1], tour[j]]
+            # The tour is open: behind its last place no leg is replaced.
             if j + 1 < count:
                 before += distances[tour[j], tour[j + 1]]
                 after += distances[tour[i], tour[j + 1]]
