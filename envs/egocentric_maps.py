@@ -149,7 +149,8 @@ def _mark_lines(marks: Bytes, rows: Floats, cols: Floats) -> None:
         d_row, d_col = rows[k] - row, cols[k] - col
         samples = max(1, int(2 * np.hypot(d_row, d_col)))
         for n in range(1, samples + 1):
-            r, c = int(row + d_row * n / samples), int(col + d_col * n / samples)
+            # Rounded down: towards 0, a cell beyond the grid would count as one at its edge.
+            r, c = math.floor(row + d_row * n / samples), math.floor(col + d_col * n / samples)
             if 0 <= r < marks.shape[0] and 0 <= c < marks.shape[1]:
                 marks[r, c] |= TRAIL
 
