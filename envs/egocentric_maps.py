@@ -149,7 +149,8 @@ def _mark_lines(marks: Bytes, rows: Floats, cols: Floats) -> None:
         d_row, d_col = rows[k] - row, cols[k] - col
         samples = max(1, int(2 * np.hypot(d_row, d_col)))
         for n in range(1, samples + 1):
-            r, c = int(row + d_row * n / samples), int(col + d_col * n / samples)
+            # Rounded down: towards 0, a cell beyond the grid would count as one at its edge.
+            r, c = math.floor(row + d_row * n / samples), math.floor(col + d_col * n / samples)
             if 0 <= r < marks.shape[0] and 0 <= c < marks.shape[1]:
                 marks[r, c] |= TRAIL
 
@@ -159,7 +160,7 @@ def _draw_local(cells: Cells, marks: Bytes, view: _View, detect: bool, image: By
     """Sample each pixel; with `detect`, free cells beside an unknown one are frontiers."""
     row, col, cos, sin, pixel, samples = view
     rows, cols = cells.shape
-    channels, size = image.shape[0], image.shape[1]
+    size = image.shape[1]
     step = pixel / samples
     # Samples lie in the middle of their step, half a step inside of the image's border.
     half = 0.5 * size * pixel - 0.5 * step
@@ -190,10 +191,7 @@ def _draw_local(cells: Cells, marks: Bytes, view: _View, detect: bool, image: By
                     x += step * sin
         for j in range(size):
             image[0, i, j] = (255 * free[j]) // (samples * samples)
-            if bits[j]:
-                for channel in range(FIRST_MARK, channels):
-                    if bits[j] & (1 << (channel - FIRST_MARK)):
-                        image[channel, i, j] = 255
+            _show_marks(image, i, j, bits[j])
 
 
 @njit(cache=True, nogil=True)
@@ -201,7 +199,7 @@ def _draw_global(
     cells: Cells, marks: Bytes, low_row: float, low_col: float, pixels_per_cell: float, image: Bytes
 ) -> None:
     """Gather cells and marks into the pixels that hold their centres."""
-    channels, size = image.shape[0], image.shape[1]
+    size = image.shape[1]
     rows = _borders(low_row, pixels_per_cell, size, cells.shape[0])
     cols = _borders(low_col, pixels_per_cell, size, cells.shape[1])
     first, width = cols[0], cols[size] - cols[0]
@@ -231,10 +229,16 @@ def _draw_global(
                 image[0, i, j] = (255 * free) // (height * (cols[j + 1] - cols[j]))
             if highest == 100:
                 image[1, i, j] = 255
-            if bit:
-                for channel in range(FIRST_MARK, channels):
-                    if bit & (1 << (channel - FIRST_MARK)):
-                        image[channel, i, j] = 255
+            _show_marks(image, i, j, bit)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _show_marks(image: Bytes, i: int, j: int, bits: int) -> None:
+    """Show the bits of marks in a pixel, each in its channel; bits without one are of nothing shown."""
+    if bits:
+        for channel in range(FIRST_MARK, image.shape[0]):
+            if bits & (1 << (channel - FIRST_MARK)):
+                image[channel, i, j] = 255
 
 
 @njit(cache=True, nogil=True)

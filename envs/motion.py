@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from layoutexplore.envs.base import ExplorationEnv, configure, whole_action
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.egocentric_maps import CHANNELS, Trail, draw_local_map
-from layoutexplore.envs.observation import Observation
+from layoutexplore.envs.observation import Observation, bounds
 from layoutexplore.envs.plans import PlanSpec
 from layoutexplore.envs.rewards import Reward
 from layoutexplore.envs.viewer import Viewer
@@ -39,7 +39,7 @@ ROBOT_FEATURES: dict[str, tuple[float, float]] = {
 }
 """The entries of the robot vector and their bounds."""
 
-_LOW, _HIGH = np.array(list(ROBOT_FEATURES.values()), np.float32).T
+_LOW, _HIGH = bounds(ROBOT_FEATURES)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -83,10 +83,7 @@ the length of a tour over these and of its parts up to 95 and 99 % coverage (est
 metres that may be travelled.
 """
 
-_SWITCHES = (
-    *("local_map", "global_map", "layout_channels", "foresight", "detour", "privileged"),
-    "early_stop",
-)
+_SWITCHES = "local_map", "global_map", "layout_channels", "foresight", "detour", "privileged", "early_stop"
 _PIXELS, _SCALE = Rule(kind=int, low=8, high=2048), Rule(low=1e-6, high=1e6)
 
 

@@ -13,7 +13,7 @@ from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import Truth
 from layoutexplore.grids.arrays import Floats, Ints, Mask
-from layoutexplore.grids.grid import Cell
+from layoutexplore.grids.grid import Cell, in_cells
 from layoutexplore.maps.floorplan import PlanRaster
 from layoutexplore.planning.shortest_paths import distances_between
 
@@ -97,7 +97,7 @@ class RoomDistances:
         middles = [_middle(np.argwhere(ids == room), truth.reachable) for room in self.rooms.tolist()]
         # One reachable cell stands for its block; it is what the fields are kept for.
         cells = np.argwhere(truth.reachable)
-        self._side = side = max(1, round(_BLOCK / raster.resolution))
+        self._side = side = in_cells(_BLOCK, raster.resolution)
         height, width = (-(-count // side) for count in raster.shape)
         blocks, first = np.unique(cells[:, 0] // side * width + cells[:, 1] // side, return_index=True)
         self._place = np.zeros(height * width, np.int32)

@@ -15,6 +15,8 @@ import shapely
 
 from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
+from layoutexplore.grids.grid import in_cells
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.grids.outlines import trace_mask
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
@@ -108,11 +110,10 @@ def _corner(source: PlanRaster, box: tuple[slice, slice]) -> Point:
 
 def _trace_walls(source: PlanRaster) -> shapely.Geometry:
     """Outlines of the solid cells near free space."""
-    border = max(1, round(WALL_DEPTH / source.resolution))
-    free = np.pad(source.free, border).astype(np.uint8)
-    near = cv2.dilate(free, np.ones((2 * border + 1, 2 * border + 1), np.uint8)) > 0
+    border = in_cells(WALL_DEPTH, source.resolution)
+    free = np.pad(source.free, border)
     corner = (source.origin.x - border * source.resolution, source.origin.y - border * source.resolution)
-    return trace_mask(near & (free == 0), source.resolution, corner)
+    return trace_mask(with_neighbours(free, border) & ~free, source.resolution, corner)
 
 
 @checks_arguments

@@ -9,7 +9,6 @@ import dataclasses
 from collections import OrderedDict
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 from numba import njit
 
@@ -17,7 +16,8 @@ from layoutexplore.agents.omniscient.route import Stop
 from layoutexplore.agents.omniscient.visibility import Bits, FloorInView, Visibility
 from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats32, Ints, Ints32, Mask, Words
-from layoutexplore.grids.grid import Cell
+from layoutexplore.grids.grid import Cell, in_cells
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Workspace
 from layoutexplore.planning.shortest_paths import flat_indices, geodesic_distances, shortest_path
 
@@ -52,7 +52,7 @@ class Places:
 
     def __init__(self, scene: FloorInView, visibility: Visibility, lattice: float) -> None:
         self.visibility, self.resolution = visibility, scene.resolution
-        self._step = max(1, round(lattice / scene.resolution))
+        self._step = in_cells(lattice, scene.resolution)
         self.traversable = np.ascontiguousarray(scene.reachable)
         self._opaque = scene.occupied
         self.cells = _lattice(self.traversable, self._step)
@@ -158,10 +158,7 @@ def _shifted(before: Mask, after: Mask) -> Mask:
         before: bool (rows, cols), solid cells.
         after: The same, later.
     """
-    kernel = np.ones((3, 3), np.uint8)
-    was_solid, is_solid, was_free = (
-        cv2.dilate(mask.view(np.uint8), kernel).view(np.bool_) for mask in (before, after, ~before)
-    )
+    was_solid, is_solid, was_free = map(with_neighbours, (before, after, ~before))
     return np.where(after, was_solid, was_free & is_solid)
 
 

@@ -75,6 +75,7 @@ def _joined(stops: Words, legs: Words) -> Words:
     return joined
 
 
+@njit(cache=True, nogil=True)
 def cheapest_gaps(near: Floats32, lengths: Floats, to: Floats, on: Floats) -> tuple[Floats, Ints]:
     """Where each candidate for a stop is best inserted.
 
@@ -89,16 +90,11 @@ def cheapest_gaps(near: Floats32, lengths: Floats, to: Floats, on: Floats) -> tu
     Returns:
         float64 (n,) weighted metres that it adds, and int64 (n,) the gap; of equal ones the first.
     """
-    return _cheapest_gaps(near, lengths, to, on)
-
-
-@njit(cache=True, nogil=True)
-def _cheapest_gaps(near: Floats32, lengths: Floats, to: Floats, on: Floats) -> tuple[Floats, Ints]:
     count = near.shape[1]
     best = np.full(count, np.inf)
     gaps = np.zeros(count, np.int64)
     for i in range(len(to)):
-        inner = i + 1 < near.shape[0]
+        inner = i + 1 < near.shape[0]  # behind the last stop no leg is replaced
         for k in range(count):
             added = to[i] * near[i, k]
             if inner:

@@ -32,7 +32,7 @@ from layoutexplore.agents.omniscient.visibility import (
 from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.decision import Truth
 from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Words
-from layoutexplore.grids.grid import Cell
+from layoutexplore.grids.grid import Cell, in_cells
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.planning.tours import improve_tour
 
@@ -345,7 +345,7 @@ class RoutePlanner:
 
     def _shift_finely(self, route: Route, i: int, ends: list[Stop], limits: list[tuple[Bits, int]]) -> None:
         """Move stop i between its neighbours `ends` to the best traversable cell within a lattice step."""
-        step = max(1, round(self.config.lattice / self.places.resolution))
+        step = in_cells(self.config.lattice, self.places.resolution)
         row, col = (max(0, at - step) for at in route.stops[i].cell)
         window = self.places.traversable[row : row + 2 * step + 1, col : col + 2 * step + 1]
         cells = (np.argwhere(window) + np.array([row, col])).astype(np.int32)

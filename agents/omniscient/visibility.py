@@ -11,7 +11,6 @@ import dataclasses
 import math
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numba import njit
 
@@ -19,6 +18,7 @@ from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.decision import CellPath, Truth
 from layoutexplore.grids.arrays import Floats, Floats32, Ints, Ints32, Mask, Words
 from layoutexplore.grids.bitsets import ones
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.sensing.lidar import LidarConfig, around, beam_table
 
 Bits = Words
@@ -121,9 +121,7 @@ class Visibility:
 
     def near(self, mask: Mask) -> Bits:
         """The sampled cells at and around a mask bool (rows, cols), some for every cell of it."""
-        reach = 2 * (math.ceil(math.sqrt(self._stride)) + 1) + 1
-        wide = cv2.dilate(mask.view(np.uint8), np.ones((reach, reach), np.uint8))
-        return self.set_of(wide.view(np.bool_))
+        return self.set_of(with_neighbours(mask, math.ceil(math.sqrt(self._stride)) + 1))
 
     def turning(self, cells: Ints32) -> Words:
         """What a full turn in each of the cells int32 (n, 2) shows: uint64 (n, words)."""

@@ -15,7 +15,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
-from layoutexplore.benchmark.pool import AHEAD, TRIES, Handout, run_batch
+from layoutexplore.benchmark.pool import AHEAD, TRIES, Answer, Handout, run_batch
 from layoutexplore.errors import ConfigError, LayoutExploreError, require, unknown_name
 from layoutexplore.processes import ASKING, deaf_children, single_threaded, without_main
 
@@ -32,6 +32,7 @@ _MODULES = {"dask": "distributed", "ray": "ray"}
 
 T = TypeVar("T")
 R = TypeVar("R")
+K = TypeVar("K")
 
 
 def run_on_cluster(
@@ -100,26 +101,22 @@ def _dask(
         except (OSError, ValueError) as error:
             raise ConfigError(f"no Dask scheduler answers at {address!r}: {error}") from error
         with client:
-            workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
-            handout = Handout(tasks, workers)
-            flying: dict[str, list[T]] = {}
             ended = distributed.as_completed()
-            while handout or flying:
-                while handout and len(flying) < AHEAD * workers:
-                    batch = handout.batch()
-                    future = client.submit(run_batch, function, batch, pure=False)
-                    flying[future.key] = batch
-                    ended.add(future)
+
+            def submit(batch: list[T]) -> str:
+                ended.add(future := client.submit(run_batch, function, batch, pure=False))
+                return str(future.key)
+
+            def wait(_: list[str]) -> tuple[str, Answer[R] | None]:
                 future = next(ended)
-                batch = flying.pop(future.key)
                 if future.status != "error":
-                    yield from handout.learn(future.result())
-                elif isinstance(failure := future.exception(), LayoutExploreError):
+                    return future.key, future.result()
+                if isinstance(failure := future.exception(), LayoutExploreError):
                     raise failure
-                elif len(batch) > 1:
-                    handout.split(batch)
-                else:
-                    yield lost(batch[0])
+                return future.key, None
+
+            workers = max(len(client.scheduler_info(n_workers=-1)["workers"]), 1)
+            yield from _hand_out(tasks, workers, submit, wait, lost)
 
 
 def _own(jobs: int) -> dict[str, Any]:
@@ -154,23 +151,45 @@ def _ray(
             for number, handler in handlers.items():  # Ray's own would end the process without a word
                 signal.signal(number, handler)
         remote = ray.remote(max_retries=tries - 1)(lambda batch: run_batch(function, batch))
-        workers = max(int(ray.cluster_resources().get("CPU", 1)), 1)
-        handout = Handout(tasks, workers)
-        flying: dict[Any, list[T]] = {}
-        while handout or flying:
-            while handout and len(flying) < AHEAD * workers:
-                batch = handout.batch()
-                flying[remote.remote(batch)] = batch
-            (done,), _ = ray.wait(list(flying), num_returns=1)
-            batch = flying.pop(done)
+
+        def wait(flying: list[Any]) -> tuple[Any, Answer[R] | None]:
+            (done,), _ = ray.wait(flying, num_returns=1)
             try:
-                yield from handout.learn(ray.get(done))
+                return done, ray.get(done)
             except ray.exceptions.RayError as error:
                 if isinstance(cause := getattr(error, "cause", None), LayoutExploreError):
                     raise cause from None
-                if len(batch) == 1:
-                    yield lost(batch[0])
-                else:
-                    handout.split(batch)
+                return done, None
+
+        workers = max(int(ray.cluster_resources().get("CPU", 1)), 1)
+        yield from _hand_out(tasks, workers, remote.remote, wait, lost)
     finally:
         ray.shutdown()
+
+
+def _hand_out(
+    tasks: Sequence[T],
+    workers: int,
+    submit: Callable[[list[T]], K],
+    wait: Callable[[list[K]], tuple[K, Answer[R] | None]],
+    lost: Callable[[T], R],
+) -> Iterator[R]:
+    """The results of all tasks, handed out in batches.
+
+    `submit` sends a batch out and gives its name; `wait` gives the name of a batch that has ended, of those
+    under way, with its results, or None where its worker died.
+    """
+    handout = Handout(tasks, workers)
+    flying: dict[K, list[T]] = {}
+    while handout or flying:
+        while handout and len(flying) < AHEAD * workers:
+            batch = handout.batch()
+            flying[submit(batch)] = batch
+        name, answer = wait(list(flying))
+        batch = flying.pop(name)
+        if answer is not None:
+            yield from handout.learn(answer)
+        elif len(batch) > 1:
+            handout.split(batch)
+        else:
+            yield lost(batch[0])

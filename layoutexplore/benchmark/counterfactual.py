@@ -14,11 +14,10 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import heapq
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -136,10 +135,16 @@ class Counterfactual:
 
 @dataclass(eq=False)
 class _Pursued:
-    """A decisive decision whose outcome is still open."""
+    """A decisive decision whose outcome is still open, its step, and the frontier that was given up."""
 
     decided: DecisiveDecision
-    cells: Ints32 = field(repr=False)
+    step: int
+    cells: Ints32
+
+    @property
+    def rank(self) -> tuple[float, int]:
+        """The greatest where most is at stake, of equals that of the earliest."""
+        return self.decided.stake, -self.step
 
 
 class _UnansweredError(Exception):
@@ -165,7 +170,7 @@ class CounterfactualRollouts:
         self._oracle = OraclePredictor(horizon=inner.horizon if isinstance(inner, OraclePredictor) else 0.0)
         self._oracle.reveal(simulation.truth)
         self._rows: list[list[float]] = []
-        self._kept: list[tuple[float, int, _Pursued]] = []
+        self._kept: list[_Pursued] = []
         self._answers = True
 
     def before(self, agent: Agent) -> None:
@@ -226,7 +231,7 @@ class CounterfactualRollouts:
             return None
         self._settle()
         log = np.array(self._rows, np.float64).reshape(-1, len(LOG))
-        decisive = sorted((kept.decided for _, _, kept in self._kept), key=lambda decided: decided.distance)
+        decisive = sorted((kept.decided for kept in self._kept), key=lambda decided: decided.distance)
         return Counterfactual(log, tuple(decisive))
 
     def _ask(self, decision: Decision) -> Choice:
@@ -255,10 +260,23 @@ class CounterfactualRollouts:
 
     def _keep(self, decision: Decision, truth: Decision, choice: Choice, without: Choice) -> None:
         """Keep a changed decision if more is at stake than in those that were kept."""
-        if isinstance(without, PATHS) or without == STOP:
+        decided = self._decisive(decision, truth, choice, without)
+        if decided is None:
             return
-        if not isinstance(choice, PATHS) and choice == STOP:
+        same = [kept for kept in self._kept if kept.decided.is_about(decided, decision.grid.resolution)]
+        rivals = same or (self._kept[:1] if len(self._kept) == MOST_DECISIVE else [])
+        if any(decided.stake <= rival.decided.stake for rival in rivals):
             return
+        others = [kept for kept in self._kept if kept not in same]
+        pursued = _Pursued(decided, decision.step, decision.frontiers[decided.without].cells)
+        self._kept = sorted([*others, pursued], key=lambda kept: kept.rank)[-MOST_DECISIVE:]
+
+    def _decisive(
+        self, decision: Decision, truth: Decision, choice: Choice, without: Choice
+    ) -> DecisiveDecision | None:
+        """A changed decision with what is at stake; None where nowhere is gone, or nobody can say."""
+        if isinstance(without, PATHS) or without == STOP or same_choice(choice, STOP):
+            return None
         here = decision.grid.nearest_cell(decision.pose.x, decision.pose.y)
         if isinstance(choice, PATHS):
             chosen = Cell(*path_of(choice)[-1].tolist())
@@ -269,9 +287,9 @@ class CounterfactualRollouts:
         between = distance_matrix(decision.traversable, places, decision.grid.resolution)
         stake = float(between[0, 1] + between[1, 2] - between[0, 2])
         if not np.isfinite(stake):
-            return
+            return None
         cells, corner = _known_part(decision.grid)
-        decided = DecisiveDecision(
+        return DecisiveDecision(
             distance=decision.distance,
             coverage=self._simulation.coverage,
             stake=stake,
@@ -285,32 +303,25 @@ class CounterfactualRollouts:
             members=np.concatenate([f.cells for f in decision.frontiers]),
             offsets=np.cumsum([0, *(len(f.cells) for f in decision.frontiers)]),
         )
-        same = [kept for kept in self._kept if kept[2].decided.is_about(decided, decision.grid.resolution)]
-        rivals = same or (self._kept[:1] if len(self._kept) == MOST_DECISIVE else [])
-        if any(stake <= kept[0] for kept in rivals):
-            return
-        self._kept = [kept for kept in self._kept if kept not in same]
-        self._kept.append((stake, -decision.step, _Pursued(decided, decision.frontiers[without].cells)))
-        self._kept = heapq.nlargest(MOST_DECISIVE, self._kept, key=lambda kept: kept[:2])[::-1]
 
     def _pursue(self, decision: Decision, choice: Choice) -> None:
         """See what becomes of the frontiers that were given up."""
         self._settle()
         if isinstance(choice, PATHS):
             end, near = path_of(choice)[-1], _NEAR / decision.grid.resolution
-            comes = [bool((np.hypot(*(kept.cells - end).T) <= near).any()) for _, _, kept in self._kept]
+            comes = [bool((np.hypot(*(kept.cells - end).T) <= near).any()) for kept in self._kept]
         elif choice == STOP:
             return
         else:
             goal = set(map(tuple, decision.frontiers[choice].cells.tolist()))
-            comes = [not goal.isdisjoint(map(tuple, kept.cells.tolist())) for _, _, kept in self._kept]
-        for (_, _, kept), is_goal in zip(self._kept, comes, strict=True):
+            comes = [not goal.isdisjoint(map(tuple, kept.cells.tolist())) for kept in self._kept]
+        for kept, is_goal in zip(self._kept, comes, strict=True):
             if is_goal and np.isnan(kept.decided.seen_after):
                 kept.decided = dataclasses.replace(kept.decided, came_back=True)
 
     def _settle(self) -> None:
         cells, gone = self._simulation.mapper.grid.cells, self._simulation.config.gone_share
-        for _, _, kept in self._kept:
+        for kept in self._kept:
             if np.isnan(kept.decided.seen_after) and remaining_share(cells, kept.cells) < gone:
                 walked = self._simulation.distance - kept.decided.distance
                 kept.decided = dataclasses.replace(kept.decided, seen_after=walked)

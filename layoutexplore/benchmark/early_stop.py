@@ -93,17 +93,14 @@ def early_stops(rows: Iterable[Row], baseline: str, curves: Curves) -> list[Earl
     for sensor, part in groups(rows).items():
         base = _to_99(part, baseline)
         for agent in agents_of(part):
-            mine = [row for row in part if row.agent == agent and row.cell in base]
-            if not (
-                mine
-                and (has_stop_rule(agent) or any(row.stop_reason in ("agent", "no_frontier") for row in mine))
-            ):
-                continue
-            stops = []
-            for row in mine:
-                other = base[row.cell]
-                stops.append(stop_at(row.cluster, row.distance, row.coverage, other.d99, curves(other)))
-            found.append(summarise_stops(sensor, agent, stops))
+            pairs = [(row, base[row.cell]) for row in part if row.agent == agent and row.cell in base]
+            by_itself = any(row.stop_reason in ("agent", "no_frontier") for row, _ in pairs)
+            if by_itself or (pairs and has_stop_rule(agent)):
+                stops = [
+                    stop_at(row.cluster, row.distance, row.coverage, other.d99, curves(other))
+                    for row, other in pairs
+                ]
+                found.append(summarise_stops(sensor, agent, stops))
     return found
 
 
@@ -130,11 +127,9 @@ def tried_stops(
         base = _to_99(part, baseline)
         mine = [row for row in part if row.agent == agent and row.cell in base]
         runs = [(row, c, base[row.cell]) for row in mine if (c := notes(row)) is not None]
-        areas = thresholds if runs else ()
-        found += [
-            try_rule(stops_below(a), runs, curves, sensor=sensor, name=f"{agent}, below {a:g} m²")
-            for a in areas
-        ]
+        for area in thresholds if runs else ():
+            name = f"{agent}, below {area:g} m²"
+            found.append(try_rule(stops_below(area), runs, curves, sensor=sensor, name=name))
     return found
 
 
@@ -218,7 +213,7 @@ def try_rule(
         at = np.flatnonzero(rule(notes))
         metres, coverage = row.distance, row.coverage
         if len(at):
-            metres, coverage = (float(notes.column(name)[at[0]]) for name in ("distance", "coverage"))
+            metres, coverage = (float(notes.column(what)[at[0]]) for what in ("distance", "coverage"))
         stops.append(stop_at(row.cluster, metres, coverage, other.d99, curves(other)))
     return replace(summarise_stops(sensor, name, stops), tried=True)
 

@@ -314,10 +314,11 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
             raise KeyboardInterrupt from error
         if config.cell_mb and lacks_memory(error):
             error.add_note(beyond := _beyond_memory(config, taken))
-            folder.save_failure(row, at_length(error, repeat))
-            return dataclasses.replace(row, error=f"CellMemoryError: {beyond}")
+            message = f"CellMemoryError: {beyond}"
+        else:
+            message = described(error)
         folder.save_failure(row, at_length(error, repeat))
-        return dataclasses.replace(row, error=described(error))
+        return dataclasses.replace(row, error=message)
 
 
 def _beyond_memory(config: BenchmarkConfig, taken: float) -> str:

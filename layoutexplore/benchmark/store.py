@@ -132,11 +132,6 @@ class ResultsFolder:
                 ) from error
         return rows
 
-    def append(self, row: Row) -> None:
-        """Add a row; `ResultsError` where that fails."""
-        with self.appending() as append:
-            append(row)
-
     @contextlib.contextmanager
     def appending(self) -> Iterator[Callable[[Row], None]]:
         """Hold the table open, and give what adds a row to it in a single write.

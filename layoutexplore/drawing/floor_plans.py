@@ -13,6 +13,8 @@ from layoutexplore.drawing.palette import Colour, Image
 from layoutexplore.drawing.pictures import draw_plan
 from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Mask
+from layoutexplore.grids.boxes import window
+from layoutexplore.grids.grid import in_cells
 from layoutexplore.grids.polygons import Point
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.raster import PlanRaster
@@ -114,12 +116,7 @@ def _suitable_resolution(plan: FloorPlan) -> float:
 
 def _building(raster: PlanRaster) -> tuple[slice, slice]:
     """The rows and columns of the free cells with a margin."""
-    margin = max(1, round(MARGIN / raster.resolution))
-    found = []
-    for axis, size in ((1, raster.shape[0]), (0, raster.shape[1])):
-        there = np.flatnonzero(raster.free.any(axis=axis))
-        found.append(slice(max(0, int(there[0]) - margin), min(size, int(there[-1]) + 1 + margin)))
-    return found[0], found[1]
+    return window(raster.free, in_cells(MARGIN, raster.resolution))
 
 
 def _draw_doors(sheet: Sheet, plan: FloorPlan) -> list[Box]:

@@ -24,7 +24,8 @@ from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.grids.arrays import Bytes, Floats, Ints32, Mask
 from layoutexplore.grids.boxes import grown_box, known_box, true_box, union
-from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose
+from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose, in_cells
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.options import Rule
 from layoutexplore.planning.shortest_paths import descend
@@ -255,9 +256,7 @@ def _enlarge(cells: Image, scale: int) -> Image:
 
 def _walls(raster: PlanRaster) -> Mask:
     """The occupied cells that lie beside free space, bool (rows, cols)."""
-    reach = max(1, round(_WALL_DEPTH / raster.resolution))
-    near = cv2.dilate(raster.free.astype(np.uint8), np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
-    return raster.occupied & (near > 0)
+    return raster.occupied & with_neighbours(raster.free, in_cells(_WALL_DEPTH, raster.resolution))
 
 
 def _map_codes(grid: OccupancyGrid, decision: Decision | None, scale: float, floor: Mask | None) -> Bytes:

@@ -12,7 +12,7 @@ ROSE's directions would favour its side.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -27,6 +27,7 @@ from layoutexplore.layout.lines.rose import RoseConfig, rose
 from layoutexplore.layout.lines.segments import align, angle_between, find_segments, segment_angles
 from layoutexplore.layout.lines.walls import find_walls
 from layoutexplore.options import COUNT, FLAG, NATURAL, SEED, check, check_kind
+from layoutexplore.training.folds import Progress, silent
 
 SHAPES = ("square", "rectangle", "circle", "diamond", "star")
 """Shapes of clutter that can be added."""
@@ -120,10 +121,7 @@ class ClutterSummary:
 
 @checks_arguments
 def run_study(
-    maps: dict[str, OccupancyGrid],
-    config: ClutterConfig | None = None,
-    *,
-    progress: Callable[[str, int, int], None] | None = None,
+    maps: dict[str, OccupancyGrid], config: ClutterConfig | None = None, *, progress: Progress = silent
 ) -> tuple[ClutterSummary, list[ClutterTrial]]:
     """Add every combination of shape, count and size to every map and measure ROSE.
 
@@ -145,8 +143,7 @@ def run_study(
     trials: list[ClutterTrial] = []
     for k, (name, grid) in enumerate(maps.items(), start=1):
         trials += trials_of_map(name, grid, config)
-        if progress is not None:
-            progress("maps cluttered", k, len(maps))
+        progress("maps cluttered", k, len(maps))
     clean = {name: float(rose(grid, config.rose).structure_score) for name, grid in maps.items()}
     return summarise_clutter(trials, clean), trials
 

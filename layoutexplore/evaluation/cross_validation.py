@@ -152,7 +152,7 @@ def _score_parts(
                 [example for example in polygonal if example.kind in strange],
                 training,
             )
-            progress("judges trained", seed * len(parts) + fold + 1, config.seeds * len(parts))
+            progress("classifiers trained", seed * len(parts) + fold + 1, config.seeds * len(parts))
 
             def run(grid: OccupancyGrid, models: MergingModels = models) -> Layout:
                 return reconstruct_with(grid, MergingConfig(), models)

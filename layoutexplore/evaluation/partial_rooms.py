@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import ndimage
@@ -19,6 +20,7 @@ from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.frontiers.classes import LITTLE_LEFT, true_classes
 from layoutexplore.frontiers.decision import Decision, Privileged
 from layoutexplore.grids.arrays import Cells, Ints32, Mask, check_alike
+from layoutexplore.grids.boxes import window
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor
 from layoutexplore.predictors.snapshot import Snapshot
@@ -197,12 +199,7 @@ def _score_room(snapshot: Snapshot, item: Item, rooms: RoomLabels, predictor: st
     hidden = item.mask & ~item.seen
     whole = item.seen | found
     return RoomScore(
-        plan=snapshot.plan,
-        building=snapshot.building,
-        sensor=snapshot.sensor,
-        seed=snapshot.seed,
-        coverage=snapshot.coverage,
-        predictor=predictor,
+        **_origin(snapshot, predictor),
         room=item.room,
         explored=float(item.seen.sum() / item.mask.sum()),
         iou=_iou(whole, item.mask),
@@ -212,6 +209,12 @@ def _score_room(snapshot: Snapshot, item: Item, rooms: RoomLabels, predictor: st
         remaining=float(found.sum()) * resolution**2,
         true_remaining=float(hidden.sum()) * resolution**2,
     )
+
+
+def _origin(snapshot: Snapshot, predictor: str) -> dict[str, Any]:
+    """What was asked, and who: the first fields of every score."""
+    names = ("plan", "building", "sensor", "seed", "coverage")
+    return {name: getattr(snapshot, name) for name in names} | {"predictor": predictor}
 
 
 @checks_arguments
@@ -242,9 +245,8 @@ def boundary_distance(a: Mask, b: Mask) -> float:
     check_alike("boundary_distance", a=a, b=b)
     if a.ndim != 2 or not a.any() or not b.any():
         raise ConfigError(f"boundary_distance: each mask is 2-d with a cell at least, got {a.shape}")
-    rows, cols = np.nonzero(a | b)
-    window = np.s_[max(rows.min() - 1, 0) : rows.max() + 2, max(cols.min() - 1, 0) : cols.max() + 2]
-    edges = [m & ~ndimage.binary_erosion(m) for m in (a[window], b[window])]
+    part = window(a | b, 1)
+    edges = [m & ~ndimage.binary_erosion(m) for m in (a[part], b[part])]
     away = [ndimage.distance_transform_edt(~edge) for edge in edges]
     there, back = float(np.mean(away[1][edges[0]])), float(np.mean(away[0][edges[1]]))
     return (there + back) / 2
@@ -255,12 +257,7 @@ def _score_frontiers(snapshot: Snapshot, judged: Decision, predictor: str) -> li
     true = true_classes(decision, snapshot.truth)
     return [
         FrontierScore(
-            plan=snapshot.plan,
-            building=snapshot.building,
-            sensor=snapshot.sensor,
-            seed=snapshot.seed,
-            coverage=snapshot.coverage,
-            predictor=predictor,
+            **_origin(snapshot, predictor),
             x=float(frontier.centroid[0]),
             y=float(frontier.centroid[1]),
             closed=bool(frontier.is_closed),

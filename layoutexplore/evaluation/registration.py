@@ -155,8 +155,6 @@ def _explore(
             began = time.process_time()
             registration.update(decision.grid)
             took[kind].append(1000 * (time.process_time() - began))
-            first = next((k for k, ms in enumerate(took[kind]) if ms > 1.0), 0)
-            later = took[kind][first + 1 :] or [0.0]
             found = features_of(registration) if registration.hypotheses else np.zeros(0)
             row = RegistrationRow(
                 plan=plan.name,
@@ -166,13 +164,19 @@ def _explore(
                 coverage=seen[-1] if seen else 0.0,
                 features=tuple(found.tolist()),
                 error=door_error(registration, priors[kind].place, unseen),
-                first_ms=took[kind][first],
-                median_ms=float(np.median(later)),
-                p95_ms=float(np.percentile(later, 95)),
+                **_times(took[kind]),
             )
             rows[kind].append(row)
         decision = simulation.step(agent.act(decision))
     return rows
+
+
+def _times(took: Sequence[float]) -> dict[str, float]:
+    """Milliseconds of the first match, which is the first decision to take more than one, and of the rest."""
+    first = next((k for k, ms in enumerate(took) if ms > 1.0), 0)
+    later = took[first + 1 :] or [0.0]
+    median, p95 = np.percentile(later, [50, 95]).tolist()
+    return {"first_ms": took[first], "median_ms": median, "p95_ms": p95}
 
 
 def _doors(plan: FloorPlan) -> Floats:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from layoutexplore.benchmark.analysis import agents_of, compare, over_all_sensors
+from layoutexplore.benchmark.analysis import Comparison, agents_of, compare, over_all_sensors
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import ConfigError, checks_arguments, unknown_name
 from layoutexplore.evaluation.partial_rooms_summary import hidden_interval
@@ -91,25 +91,25 @@ def agents_under_noise(rows: Mapping[str, Sequence[Row]]) -> list[AgentUnderNois
     """
     if NOISELESS not in rows:
         raise ConfigError(f"runs at any level are compared with those at level {NOISELESS!r}: give them, too")
-    exact = rows[NOISELESS]
+    to_baseline = {level: over_all_sensors(compare(part, BASELINE)) for level, part in rows.items()}
     found = []
-    for agent in agents_of(exact):
+    for agent in agents_of(rows[NOISELESS]):
+        exact = [row for row in rows[NOISELESS] if row.agent == agent]
         for level, part in rows.items():
             mine = [row for row in part if row.agent == agent and not row.error]
             if mine:
-                found.append(_line(agent, level, mine, [row for row in exact if row.agent == agent], part))
+                found.append(_line(agent, level, mine, exact, to_baseline[level].get((agent, "d95"))))
     return found
 
 
 def _line(
-    agent: str, level: str, mine: Sequence[Row], exact: Sequence[Row], part: Sequence[Row]
+    agent: str, level: str, mine: Sequence[Row], exact: Sequence[Row], to_baseline: Comparison | None
 ) -> AgentUnderNoise:
     # `compare` pairs by agents: the runs of one strategy at two levels are handed to it under two names.
     pairs = [dataclasses.replace(row, agent=NOISELESS) for row in exact]
     pairs += [dataclasses.replace(row, agent="noisy") for row in mine]
     own = over_all_sensors(compare(pairs, NOISELESS))
     d95, d99 = (own["noisy", m].ratio if ("noisy", m) in own else NO_INTERVAL for m in ("d95", "d99"))
-    baseline = over_all_sensors(compare(part, BASELINE)).get((agent, "d95"))
     return AgentUnderNoise(
         agent=agent,
         level=level,
@@ -117,7 +117,7 @@ def _line(
         reached=sum(row.reached99 for row in mine) / len(mine),
         d95=d95,
         d99=d99,
-        to_baseline=baseline.ratio if baseline else None,
+        to_baseline=to_baseline.ratio if to_baseline else None,
     )
 
 

@@ -19,26 +19,20 @@ from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Labels, Mask, shows_shapes
 from layoutexplore.grids.components import label_components
-from layoutexplore.grids.grid import UNKNOWN
+from layoutexplore.grids.grid import UNKNOWN, in_cells
 from layoutexplore.grids.runs import run_end
 
 LITTLE_LEFT = 1.0
 """Square metres: a closed frontier with less left in its room can wait, a room with less left is finished."""
 
+DEPTH = 0.5
+"""Metres behind a frontier in which its room is looked for."""
 
-@dataclass(frozen=True, kw_only=True)
-class ClassConfig:
-    """The numbers of the definition.
+ENTRANCE_SHARE = 0.1
+"""A room of which less than this share has been seen is entered by an open frontier."""
 
-    Attributes:
-        depth: How far behind a frontier its room is looked for, in metres.
-        entrance_share: A room of which less than this share has been seen is entered by an open frontier.
-        beyond_area: Square metres of another room, reached through the unknown, that make a frontier open.
-    """
-
-    depth: float = 0.5
-    entrance_share: float = 0.1
-    beyond_area: float = 1.0
+BEYOND_AREA = 1.0
+"""Square metres of another room, reached through the unknown, that make a frontier open."""
 
 
 @shows_shapes
@@ -58,17 +52,9 @@ class FrontierClasses:
     remaining_area: Floats
 
 
-DEFAULT_CLASSES = ClassConfig()
-
-
 @checks_arguments
 def classify_frontiers(
-    cells: Cells,
-    clusters: FrontierClusters,
-    room_ids: Labels,
-    passable: Mask,
-    resolution: float,
-    config: ClassConfig = DEFAULT_CLASSES,
+    cells: Cells, clusters: FrontierClusters, room_ids: Labels, passable: Mask, resolution: float
 ) -> FrontierClasses:
     """Classify frontiers on a grid against rooms, true or predicted.
 
@@ -78,7 +64,6 @@ def classify_frontiers(
         room_ids: int16 or int32 (rows, cols), the room of each cell, 0 none (walls, doorways).
         passable: bool (rows, cols), cells that are free, in truth or by prediction.
         resolution: Metres per cell.
-        config: The numbers of the definition.
 
     Example:
         A room that is seen to the right of column 1, and an unseen one behind the door in row 1:
@@ -92,7 +77,7 @@ def classify_frontiers(
         ([True, False], [1, 2], [0.75, 0.75])
     """
     members, offsets = clusters.cells, clusters.offsets
-    depth = max(1, round(config.depth / resolution))
+    depth = in_cells(DEPTH, resolution)
     total, seen = _count_rooms(cells, room_ids, passable)
     component, components = label_components((cells == UNKNOWN) & passable)
     by_room = _count_components(component, components, room_ids, len(total))
@@ -102,7 +87,7 @@ def classify_frontiers(
     share = np.where(total[room] > 0, seen[room] / np.maximum(total[room], 1), 1.0)
     share[room == 0] = 1.0
     remaining = np.where(room > 0, (total - seen)[room], beyond) * cell_area
-    is_open = (share < config.entrance_share) | (other * cell_area >= config.beyond_area)
+    is_open = (share < ENTRANCE_SHARE) | (other * cell_area >= BEYOND_AREA)
     return FrontierClasses(~is_open, room, remaining)
 
 

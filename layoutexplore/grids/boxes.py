@@ -20,15 +20,8 @@ def known_box(cells: Cells, margin: int = 0) -> tuple[int, int, int, int]:
         >>> known_box(np.array([[-1, -1, -1], [-1, 0, 100], [-1, -1, -1]], np.int8))
         (1, 2, 1, 3)
     """
-    row0, row1, col0, col1 = _box_without(np.ascontiguousarray(cells, np.int8), np.int8(UNKNOWN))
-    if row1 == 0:
-        return 0, 0, 0, 0
-    return (
-        max(row0 - margin, 0),
-        min(row1 + margin, cells.shape[0]),
-        max(col0 - margin, 0),
-        min(col1 + margin, cells.shape[1]),
-    )
+    box = _box_without(np.ascontiguousarray(cells, np.int8), np.int8(UNKNOWN))
+    return grown_box(box, margin, cells.shape) if box[1] else box
 
 
 def true_box(mask: Mask) -> tuple[int, int, int, int]:
@@ -42,6 +35,23 @@ def true_box(mask: Mask) -> tuple[int, int, int, int]:
         (1, 2, 1, 3)
     """
     return _box_without(np.ascontiguousarray(mask).view(np.int8), np.int8(0))
+
+
+def window(mask: Mask, margin: int = 0) -> tuple[slice, slice]:
+    """The rows and columns of the true cells and a margin; all of them where no cell is true.
+
+    Args:
+        mask: bool (rows, cols).
+        margin: In cells.
+
+    Example:
+        >>> window(np.array([[False, False, False], [False, True, True]]))
+        (slice(1, 2, None), slice(1, 3, None))
+    """
+    row0, row1, col0, col1 = (
+        grown_box(true_box(mask), margin, mask.shape) if mask.any() else (0, None, 0, None)
+    )
+    return slice(row0, row1), slice(col0, col1)
 
 
 @njit(cache=True, nogil=True)

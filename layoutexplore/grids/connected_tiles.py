@@ -136,6 +136,8 @@ def _flood(world: Bytes, scratch: _Scratch, row: int, col: int) -> int:
             count += 1
             part[r0, c0] = count
             queue[0, 0], queue[0, 1] = r0, c0
+            # Every cell of the part enters the queue once; `queue[first:last]` is to be spread from.
+            # Where the part goes on in other tiles is found along the sides (`_touch`).
             first, last = 0, 1
             while first < last:
                 r, c = queue[first, 0], queue[first, 1]

@@ -25,8 +25,8 @@ import numpy as np
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.components import split_labels
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
-from layoutexplore.grids.morphology import dilate_by_disc
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution, in_cells
+from layoutexplore.grids.morphology import dilate_by_disc, with_neighbours
 
 FREE_ABOVE = 230
 """Grey level above which a pixel is free in the maps of the room segmentation survey and of ROS."""
@@ -48,8 +48,6 @@ WALL_SHARE = 0.02
 SAVED_LEVELS, SAVED_SHARE = (0, 205, 254), 0.995
 """Occupied, unknown and free as ROS's `map_saver` writes them, and the share of such pixels at least (a few
 are painted over by hand)."""
-
-_AROUND = np.ones((3, 3), np.uint8)
 
 
 def is_from_map_saver(grey: Bytes) -> bool:
@@ -131,7 +129,7 @@ def _unknown(grey: Bytes, free: Mask, hidden: Mask, resolution: float) -> Mask:
     unknown |= _courtyards(grey, free | unknown, resolution)
     if not unknown.any():
         return unknown
-    near_free, near_unknown = (cv2.dilate(mask.astype(np.uint8), _AROUND) > 0 for mask in (free, unknown))
+    near_free, near_unknown = (with_neighbours(mask) for mask in (free, unknown))
     blend = ~free & ~unknown & near_free & near_unknown & (grey > max(levels, default=FREE_ABOVE))
     unknown |= blend
     rest = ~free & ~unknown
@@ -143,7 +141,7 @@ def _unknown(grey: Bytes, free: Mask, hidden: Mask, resolution: float) -> Mask:
 
 def _has_walls(free: Mask, occupied: Mask) -> bool:
     """Whether anything but a speck borders the free space."""
-    edge = (cv2.dilate(free.astype(np.uint8), _AROUND) > 0) & ~free
+    edge = with_neighbours(free) & ~free
     return bool(np.count_nonzero(edge & occupied) >= WALL_SHARE * np.count_nonzero(edge))
 
 
@@ -174,7 +172,7 @@ def _border_levels(grey: Bytes, free: Mask) -> list[int]:
 
 def _courtyards(grey: Bytes, known: Mask, resolution: float) -> Mask:
     """The pixels, bool (h, w), of thick areas of one flat mid-grey and many square metres."""
-    thick = _thick(grey, ~known & (grey >= DARK_BELOW), max(1, round(COURTYARD_RADIUS / resolution)))
+    thick = _thick(grey, ~known & (grey >= DARK_BELOW), in_cells(COURTYARD_RADIUS, resolution))
     if not thick.any():
         return thick
     parts, areas = split_labels(np.where(known | (grey < DARK_BELOW), -1, grey.astype(np.int32)))
@@ -203,7 +201,7 @@ def _inside_of_background(grey: Bytes, free: Mask, resolution: float) -> Mask:
         return np.zeros(free.shape, np.bool_)
     level = int(np.bincount(grey[~free], minlength=256).argmax())
     mass = ~free & (np.abs(grey.astype(np.int16) - level) <= 1)
-    cells = max(1, round(SOLID_RADIUS / resolution))
+    cells = in_cells(SOLID_RADIUS, resolution)
     reach = 2 * cells + 1
     padded = np.pad(mass, reach, constant_values=True)
     if cells > _LARGE_DISC:

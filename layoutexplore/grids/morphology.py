@@ -82,14 +82,19 @@ def dilate_by_disc(mask: Mask, radius: float) -> Mask:
     return np.asarray(distance < math.sqrt(math.floor(radius * radius) + 0.5), np.bool_)
 
 
-def with_neighbours(mask: Mask) -> Mask:
-    """The cells of a mask bool (rows, cols), and those that touch one at an edge or a corner.
+def with_neighbours(mask: Mask, reach: int = 1) -> Mask:
+    """The cells of a mask bool (rows, cols), and those around one: by default those that touch it.
+
+    Args:
+        mask: bool (rows, cols).
+        reach: Cells within so many rows and columns of one of the mask belong to it, 0 or more.
 
     Example:
         >>> with_neighbours(np.array([[False, False, False, True]])).tolist()
         [[False, False, True, True]]
     """
-    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0)
+    square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    return cv2.dilate(np.ascontiguousarray(mask).view(np.uint8), square).view(np.bool_)
 
 
 def opened_by_box(mask: Mask, rows: int, cols: int) -> Mask:

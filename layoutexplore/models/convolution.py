@@ -90,7 +90,7 @@ def _convolve_sparse(
 
 @njit(cache=True, nogil=True)
 def neighbourhoods(values: NDArray[np.float32], stride: int) -> NDArray[np.float32]:
-    """The 3 x 3 cells around every so manieth one, padded with zeros.
+    """The 3 x 3 cells around every `stride`-th one, padded with zeros.
 
     Takes (n, rows, cols, channels) and returns (n, rows / stride, cols / stride, 9 channels), rounded up.
     """

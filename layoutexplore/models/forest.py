@@ -116,6 +116,7 @@ def _depths(
     out = np.zeros(len(roots), np.int64)
     waiting, level = np.empty(len(leaf) + 1, np.int64), np.zeros(len(leaf), np.int64)
     for t in range(len(roots)):
+        # `waiting[:n]` are the nodes still to be looked at, whose levels are known.
         waiting[0], n = roots[t], 1
         level[roots[t]] = 0
         while n > 0:

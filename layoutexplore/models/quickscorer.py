@@ -150,6 +150,7 @@ def log_odds_by_masks(x: NDArray[np.floating[Any]], forest: LeafMasks, odds: NDA
                 column, threshold, mask = columns[forest.feature[k]], forest.threshold[k], forest.masks[k]
                 for j in range(LANES):
                     left[j] = left[j] if column[j] <= threshold else left[j] & mask
+            # Leaves are numbered from left to right: the sample's is the first that is left, the lowest bit.
             for j in range(LANES):
                 left[j] = (left[j] & (~left[j] + 1)) * forest.factor
             values = forest.values[tree]

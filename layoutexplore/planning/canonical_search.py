@@ -227,6 +227,7 @@ def find_moves(world: Bytes, moves: Bytes, row: int, col: int) -> None:
                 | south << 1
                 | west << 2
                 | east << 3
+                # No corner is cut: a diagonal move needs both cells beside it.
                 | (north & west & ahead[c]) << 4
                 | (north & east & ahead[c + 2]) << 5
                 | (south & west & behind[c]) << 6

@@ -78,19 +78,6 @@ def _prepared(
     return np.minimum(np.asarray(distances, np.float64), UNCONNECTED), shares
 
 
-def latency_cost(
-    distances: NDArray[np.floating],
-    weights: NDArray[np.floating],
-    order: NDArray[np.integer],
-    patience: float = 1.0,
-) -> float:
-    """The cost of a tour from place 0 over places int (n,) in this order, as `latency_tour` counts it."""
-    matrix, shares = _prepared(distances, weights, len(distances) - 1)
-    tour = np.concatenate([[0], order]).astype(np.int64)
-    times = np.concatenate([[0.0], np.cumsum(matrix[tour[:-1], tour[1:]])])
-    return float(shares[tour] @ times + patience * times[-1])
-
-
 @njit(cache=True, nogil=True)
 def _greedy(distances: Floats, shares: Floats) -> Ints:
     """int64 (n + 1,): from place 0 always on to where the most weight waits per metre."""
@@ -103,6 +90,7 @@ def _greedy(distances: Floats, shares: Floats) -> Ints:
         best, rate = -1, -1.0
         for place in range(1, count):
             if left[place]:
+                # Of places without weight the nearest comes first.
                 value = (shares[place] + 1e-6) / (distances[here, place] + _NEAR)
                 if value > rate:
                     best, rate = place, value

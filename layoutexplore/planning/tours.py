@@ -64,12 +64,6 @@ def improve_tour(distances: NDArray[np.floating], order: NDArray[np.integer]) ->
     return tour[1:]
 
 
-def tour_length(distances: NDArray[np.floating], order: NDArray[np.integer]) -> float:
-    """Length in metres of the tour from place 0 through the places in this order."""
-    tour = np.concatenate([[0], order]).astype(np.int64)
-    return float(np.asarray(distances, np.float64)[tour[:-1], tour[1:]].sum())
-
-
 def _checked(distances: NDArray[np.floating]) -> Floats:
     """The matrix as contiguous float64; unconnected pairs become longer than any tour over connected ones."""
     matrix = np.array(distances, np.float64, order="C")
@@ -113,13 +107,14 @@ def improve(distances: Floats, tour: Ints) -> None:
 
 @njit(cache=True, nogil=True)
 def _two_opt(distances: Floats, tour: Ints) -> bool:
-    """One pass that reverses every stretch tour[i..j] whose reversal saves metres; whether there was one."""
+    """One pass that reverses every segment tour[i..j] whose reversal saves metres; whether there was one."""
     count = len(tour)
     improved = False
     for i in range(1, count - 1):
         for j in range(i + 1, count):
             before = distances[tour[i - 1], tour[i]]
             after = distances[tour[i - 1], tour[j]]
+            # The tour is open: behind its last place no leg is replaced.
             if j + 1 < count:
                 before += distances[tour[j], tour[j + 1]]
                 after += distances[tour[i], tour[j + 1]]

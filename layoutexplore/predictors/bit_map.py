@@ -13,6 +13,7 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Cells, Ints, Mask
 from layoutexplore.grids.boxes import known_box
+from layoutexplore.grids.grid import in_cells
 from layoutexplore.layout.doorways import Gaps, Regions
 
 FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT = 1, 2, 4, 8
@@ -57,14 +58,14 @@ def draw_bit_map(cells: Cells, regions: Regions, resolution: float, margin: floa
         >>> draw_bit_map(cells, regions, 0.2, 0.2).code[2].tolist()
         [20, 2, 2, 2, 20, 20, 20, 20, 20, 20, 20]
     """
-    border = max(round(margin / resolution), 1)
+    border = in_cells(margin, resolution)
     rows, cols = cells.shape
     code = np.full((rows + 2 * border, cols + 2 * border), UNKNOWN_BIT, np.uint8)
     row0, row1, col0, col1 = known_box(cells)
     box = np.array([row0, col0, row1, col1], np.int64)
     draw_cells(cells, regions.gaps, box, border, code)
     box += border
-    _extend_walls(code, box, max(round(WALL_MIN / resolution), 1), round(EXTENSION_REACH / resolution))
+    _extend_walls(code, box, in_cells(WALL_MIN, resolution), round(EXTENSION_REACH / resolution))
     return BitMap(code, border)
 
 
@@ -79,14 +80,17 @@ def draw_cells(cells: Cells, gaps: Gaps, box: Ints, margin: int, code: Bytes) ->
     """Write the bits that cells have by themselves, in a box int64 (4,): row0, col0, row1, col1."""
     low, high = box[1], box[3]
     for r in range(box[0], box[2]):
-        values, widths, bits = (
-            cells[r, low:high],
-            gaps[r, low:high],
-            code[r + margin, low + margin : high + margin],
-        )
+        values, widths = cells[r, low:high], gaps[r, low:high]
+        bits = code[r + margin, low + margin : high + margin]
         for c in range(values.size):
-            known = WALL_BIT if values[c] == 100 else FREE_BIT
-            bits[c] = (UNKNOWN_BIT if values[c] == -1 else known) | (DOOR_BIT if widths[c] > 0 else 0)
+            bits[c] = bits_of(values[c], widths[c])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def bits_of(value: int, width: int) -> int:
+    """The bits that a cell has by itself, of its value and the width of the gap that it lies in."""
+    known = WALL_BIT if value == 100 else FREE_BIT
+    return (UNKNOWN_BIT if value == -1 else known) | (DOOR_BIT if width > 0 else 0)
 
 
 @njit(cache=True, nogil=True)

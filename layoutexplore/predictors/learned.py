@@ -88,7 +88,7 @@ class LearnedRooms(RoomsOnGrid):
         regions: The seen rooms.
         forests: As for `classify_cells`.
         network: Scores the cells as well, if there is one.
-        outlook: What lies around the frontiers, and the area float64 (k,) predicted behind each in square
+        frontiers: What lies around the frontiers, and the area float64 (k,) predicted behind each in square
             metres, for `sketch`.
     """
 
@@ -99,11 +99,11 @@ class LearnedRooms(RoomsOnGrid):
         regions: Regions,
         forests: dict[str, Forest],
         network: CellNetwork | None = None,
-        outlook: tuple[Surroundings, Floats] | None = None,
+        frontiers: tuple[Surroundings, Floats] | None = None,
     ) -> None:
         super().__init__(name, grid)
         self._cells, self._regions, self._resolution = grid.cells, regions, grid.resolution
-        self._forests, self._network, self._outlook = forests, network, outlook
+        self._forests, self._network, self._frontiers = forests, network, frontiers
 
     @cached_property
     def rooms(self) -> RoomLabels:
@@ -118,7 +118,7 @@ class LearnedRooms(RoomsOnGrid):
     @cached_property
     def sketch(self) -> Ints32:
         """The seen rooms, grown by the areas predicted behind their frontiers (`room_sketch`)."""
-        return sketch_rooms(*self._outlook) if self._outlook else self.labels
+        return sketch_rooms(*self._frontiers) if self._frontiers else self.labels
 
     @cached_property
     def inside(self) -> Floats32:
@@ -134,9 +134,8 @@ class LearnedRooms(RoomsOnGrid):
         rows, cols = self._cells.shape
         squares = np.zeros((-(-rows // candidates.stride), -(-cols // candidates.stride)), np.float32)
         at = candidates.cells // candidates.stride
-        np.maximum.at(
-            squares, (at[:, 0], at[:, 1]), probability.astype(np.float32)
-        )  # Of two rooms the likelier one counts.
+        # Of two rooms the likelier one counts.
+        np.maximum.at(squares, (at[:, 0], at[:, 1]), probability.astype(np.float32))
         chance: Floats32 = squares.repeat(candidates.stride, 0).repeat(candidates.stride, 1)[:rows, :cols]
         chance[self._cells != UNKNOWN] = 0.0
         return chance
@@ -199,9 +198,9 @@ class LearnedPredictor:
         return view.rooms(found, self.name, decision.grid).rooms
 
     def _completed(
-        self, grid: OccupancyGrid, regions: Regions, outlook: tuple[Surroundings, Floats] | None = None
+        self, grid: OccupancyGrid, regions: Regions, frontiers: tuple[Surroundings, Floats] | None = None
     ) -> LearnedRooms:
-        return LearnedRooms(self.name, grid, regions, self._cells, self._room_network, outlook)
+        return LearnedRooms(self.name, grid, regions, self._cells, self._room_network, frontiers)
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with class, area and confidence, and a `LearnedRooms`."""

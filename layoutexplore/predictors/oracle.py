@@ -59,16 +59,13 @@ class OraclePredictor:
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with the true class and remaining area of every frontier, and with foresight."""
-        if self._truth is None:
-            raise ConfigError(f"{self.name} knows no plan yet: a simulation reveals it when a run begins")
         rooms = GivenRooms(self.name, decision.grid, self.rooms(decision))
-        judged = with_classes(decision, self._wrong(true_classes(decision, self._truth)), rooms)
+        judged = with_classes(decision, self._wrong(true_classes(decision, self._revealed)), rooms)
         return dataclasses.replace(judged, foresee=functools.partial(self._foresee, decision))
 
     def _foresee(self, decision: Decision) -> Foresight:
         """The true plan up to the horizon; the same object as before where no further part is foreseen."""
-        assert self._truth is not None
-        raster = self._truth.raster
+        raster = self._revealed.raster
         self._graph = self._graph or RoomGraph(raster)
         here = decision.grid.nearest_cell(decision.pose.x, decision.pose.y)
         doors = self._graph.doors_to(decision.grid.cells, here)
@@ -90,9 +87,14 @@ class OraclePredictor:
 
     def rooms(self, decision: Decision) -> RoomLabels:
         """The true rooms."""
+        raster = self._revealed.raster
+        return RoomLabels(raster.room_ids.astype(np.int32), raster.free)
+
+    @property
+    def _revealed(self) -> Truth:
         if self._truth is None:
             raise ConfigError(f"{self.name} knows no plan yet: a simulation reveals it when a run begins")
-        return RoomLabels(self._truth.raster.room_ids.astype(np.int32), self._truth.raster.free)
+        return self._truth
 
     def _wrong(self, classes: FrontierClasses) -> FrontierClasses:
         wrong = self._flipped[classes.room]

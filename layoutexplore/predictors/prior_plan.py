@@ -82,21 +82,14 @@ class PriorPredictor:
             )
         check_kind("among", among, str)
         SHARE.convert("sure", sure)
-        self._source = source.name if isinstance(source, PriorPlan) else source
         self._prior: PriorPlan | None = None
         if isinstance(source, PriorPlan):
-            self._prior = source
-        elif source not in PRESETS:
-            self._prior = read_prior(source, hints)
+            self._source, self._prior = source.name, source
+        else:
+            self._source = source
+            self._prior = None if source in PRESETS else read_prior(source, hints)
         self.name = f"prior:{self._source}"
-        self.registration: Registration | None = None
-        self.confidence = 0.0
-        self._believed = False
-        self._on_map = PlanOnMap()
-        self._asked: tuple[OccupancyGrid, int, int] | None = None
-        self._foreseen: Foresight | None = None
-        if self._prior is not None:
-            self.registration = Registration(self._prior)
+        self._begin(self._prior)
 
     @property
     def fingerprint(self) -> str:
@@ -114,10 +107,11 @@ class PriorPredictor:
             prior = study_prior(self._source, truth.plan, truth.seed, among=self._among).prior
         self._begin(prior)
 
-    def _begin(self, prior: PriorPlan) -> None:
-        self.registration, self.confidence, self._on_map = Registration(prior), 0.0, PlanOnMap()
-        self._believed = False
-        self._asked = self._foreseen = None
+    def _begin(self, prior: PriorPlan | None) -> None:
+        self.registration = None if prior is None else Registration(prior)
+        self.confidence, self._believed, self._on_map = 0.0, False, PlanOnMap()
+        self._asked: tuple[OccupancyGrid, int, int] | None = None
+        self._foreseen: Foresight | None = None
 
     @property
     def shows_truth(self) -> bool:

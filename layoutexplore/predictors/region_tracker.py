@@ -39,9 +39,8 @@ class RegionTracker(ByThread):
 
     def __init__(self) -> None:
         self._resolution = 0.0
-        self._cells = np.empty(
-            (0, 0), np.int8
-        )  # As they were given, but for the free cells of cores: `SEED`.
+        # As they were given, but for the free cells of cores: `SEED`.
+        self._cells = np.empty((0, 0), np.int8)
 
     def __call__(self, cells: Cells, resolution: float) -> Regions:
         """The same as `doorway_regions`; its arrays are views that change with the next call.

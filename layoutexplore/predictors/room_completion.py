@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Cells, Ints, Ints32, Mask
 from layoutexplore.grids.grid import OCCUPIED, UNKNOWN
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.protocol import RoomLabels
 
@@ -82,8 +82,8 @@ def walled_rooms(cells: Cells, rooms: Ints32, rest: int) -> RoomLabels:
         rest: The id of the unseen rest of the building: of unknown cells that no room claims.
     """
     unknown = cells == UNKNOWN
-    claimed = (unknown & (rooms > 0)).astype(np.uint8)
-    wall = unknown & (claimed == 0) & (cv2.dilate(claimed, np.ones((3, 3), np.uint8)) > 0)
+    claimed = unknown & (rooms > 0)
+    wall = unknown & ~claimed & with_neighbours(claimed)
     rooms[unknown & (rooms == 0) & ~wall] = rest
     return RoomLabels(rooms, (cells != OCCUPIED) & ~wall, rest)
 

@@ -11,15 +11,14 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import checks_making
+from layoutexplore.frontiers.classes import ENTRANCE_SHARE
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.maps.raster import PlanRaster
 
 PASSAGE_AREA = 4.0
 """Square metres from which connected floor without a room is a passage, and no gap of a door."""
-
-SEEN_SHARE = 0.1
-"""A room of which a smaller share is seen has not been looked into: the share of an open frontier's room."""
 
 
 @checks_making
@@ -59,7 +58,7 @@ class RoomGraph:
         """
         seen = np.bincount(self.parts[known == FREE], minlength=len(self._sizes))
         doors = np.full(len(self._sizes), np.inf)
-        doors[(seen >= SEEN_SHARE * self._sizes) & (seen > 0) & ~self.is_gap] = 0.0
+        doors[(seen >= ENTRANCE_SHARE * self._sizes) & (seen > 0) & ~self.is_gap] = 0.0
         doors[self.parts[here]] = 0.0
         doors[0] = np.inf
         _spread(doors, self.is_gap, self.touching)
@@ -76,10 +75,9 @@ def cells_ahead(parts: Ints32, foreseen: Mask) -> Cells:
     Returns:
         int8 (rows, cols): 0 in a foreseen part, 100 in what is solid and touches one, -1 elsewhere.
     """
-    free = foreseen[parts].astype(np.uint8)
-    beside = cv2.dilate(free, np.ones((3, 3), np.uint8)) > 0
-    cells = np.where(beside & (parts == 0), OCCUPIED, UNKNOWN)
-    cells[free > 0] = FREE
+    free = foreseen[parts]
+    cells = np.where(with_neighbours(free) & (parts == 0), OCCUPIED, UNKNOWN)
+    cells[free] = FREE
     return cells.astype(np.int8)
 
 

@@ -198,8 +198,7 @@ def _subset_score(part: Bytes, walls: Mask, resolution: float) -> float:
     hull = np.zeros_like(part)
     cv2.fillPoly(hull, [cv2.convexHull(contour)], 1)
     corners = cv2.approxPolyDP(contour, in_cells(_SIMPLER, resolution), True).reshape(-1, 2)
-    side = 2 * in_cells(_BESIDE, resolution) + 1
-    near = cv2.dilate(walls.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    near = with_neighbours(walls, in_cells(_BESIDE, resolution))
     weights = 0.0
     for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         steps = int(max(abs(b - a).max(), 1))

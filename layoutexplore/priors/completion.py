@@ -10,8 +10,8 @@ import numpy as np
 from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
-from layoutexplore.grids.morphology import disc
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
+from layoutexplore.grids.morphology import disc, with_neighbours
 from layoutexplore.priors.openings import with_ways_in
 from layoutexplore.priors.registration import Hypothesis, Registration, thinned
 from layoutexplore.priors.warp import WarpedPlacement
@@ -199,10 +199,7 @@ def compared(grid: OccupancyGrid, registration: Registration) -> Bytes:
         unseen = cells == UNKNOWN
         codes[unseen & (drawn == FREE)] = Compared.FORESEEN_FLOOR
         codes[unseen & (drawn == OCCUPIED)] = Compared.FORESEEN_WALL
-        near = max(1, round(TOLERANCE / grid.resolution))
-        kernel = np.ones((2 * near + 1, 2 * near + 1), np.uint8)
-        walls = cv2.dilate((drawn == OCCUPIED).astype(np.uint8), kernel) > 0
-        codes[(cells == OCCUPIED) & ~walls] = Compared.OTHER_WALL
-        solid = cv2.erode((drawn != FREE).astype(np.uint8), kernel) > 0
-        codes[(cells == FREE) & solid] = Compared.OTHER_FLOOR
+        near = in_cells(TOLERANCE, grid.resolution)
+        codes[(cells == OCCUPIED) & ~with_neighbours(drawn == OCCUPIED, near)] = Compared.OTHER_WALL
+        codes[(cells == FREE) & ~with_neighbours(drawn == FREE, near)] = Compared.OTHER_FLOOR
     return codes

@@ -22,7 +22,7 @@ WAVE_LENGTHS = (15.0, 60.0)
 """Metres of their lengths, least and greatest."""
 
 FIELD_STEP = 6
-"""A field without snapped walls is worked out at every so manyth cell and interpolated in between."""
+"""A field without snapped walls is worked out at every n-th cell and interpolated in between."""
 
 MARGIN = 1.0
 """Metres of paper around a drawing."""

@@ -17,6 +17,7 @@ from scipy import ndimage
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import check_resolution
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.options import Rule, check
 
 WHITE, BLACK, GREEN = (255, 255, 255), (0, 0, 0), (0, 150, 70)
@@ -150,8 +151,7 @@ class _Ink:
     def walls(self) -> None:
         """Black where a wall is: solid cells near floor, the outside stays white."""
         near = max(1, round(0.3 * self.unit))
-        kernel = np.ones((2 * near + 1, 2 * near + 1), np.uint8)
-        walls: Mask = (cv2.dilate(self.floor.astype(np.uint8), kernel) > 0) & ~self.floor
+        walls: Mask = with_neighbours(self.floor, near) & ~self.floor
         # What an opening by a wall's thickness would lose is thinner, and is drawn thicker.
         side = max(1, round(self.style.wall * self.unit))
         brush = np.ones((side, side), np.uint8)

@@ -11,7 +11,7 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Mask
 from layoutexplore.grids.boxes import known_box
-from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid, in_cells
 
 WALL_SPACING, FLOOR_SPACING = 0.3, 0.5
 """Metres between points of walls, and of floor."""
@@ -46,29 +46,17 @@ class Evidence:
 
 def seen_points(grid: OccupancyGrid) -> Evidence:
     """The points of a grid; empty where nothing is known."""
-    box = known_box(grid.cells)
-    row0, row1, col0, col1 = box
+    row0, row1, col0, col1 = known_box(grid.cells)
     if row1 <= row0 or col1 <= col0:
         return Evidence(np.zeros((0, 2)), np.zeros((0, 2)), 0.0)
     cells = np.ascontiguousarray(grid.cells[row0:row1, col0:col1])
     metres = cv2.distanceTransform((cells != OCCUPIED).astype(np.uint8), cv2.DIST_L2, 3) * grid.resolution
     if not (cells == OCCUPIED).any():
         metres[:] = 2 * CLEARANCE
-    wall_step, floor_step = (
-        max(1, round(spacing / grid.resolution)) for spacing in (WALL_SPACING, FLOOR_SPACING)
-    )
+    wall_step, floor_step = (in_cells(spacing, grid.resolution) for spacing in (WALL_SPACING, FLOOR_SPACING))
     walls, floor, free = _points(cells, metres.astype(np.float32), wall_step, floor_step, CLEARANCE)
-    offset = np.array([row0, col0], np.float64)
-    return Evidence(
-        _to_world(walls + offset, grid), _to_world(floor + offset, grid), free * grid.resolution**2
-    )
-
-
-def _to_world(places: Floats, grid: OccupancyGrid) -> Floats:
-    """World points of centres of cells (row, col) float64 (n, 2)."""
-    c, s = math.cos(grid.origin.theta), math.sin(grid.origin.theta)
-    local = (places[:, ::-1] + 0.5) * grid.resolution
-    return np.asarray(local @ np.array([[c, s], [-s, c]]) + (grid.origin.x, grid.origin.y))
+    walls, floor = (grid.cells_to_world(places + np.array([row0, col0])) for places in (walls, floor))
+    return Evidence(walls, floor, free * grid.resolution**2)
 
 
 @njit(cache=True, nogil=True)

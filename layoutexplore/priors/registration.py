@@ -115,22 +115,22 @@ class Registration:
 
     Args:
         prior: The plan.
-        start: World point (x, y) of the start, for a hint of where it lies in the plan.
 
     Attributes:
         hypotheses: The places that are kept, the best first.
-        start: As given.
+        start: World point (x, y) of the robot's start, for a hint of where that lies in the plan; None while
+            nobody has said it.
         evidence: What was seen at the last decision.
         steady_since: Square metres that had been seen when the best hypothesis last changed.
     """
 
-    def __init__(self, prior: PriorPlan, start: tuple[float, float] | None = None) -> None:
+    def __init__(self, prior: PriorPlan) -> None:
         self.prior, self.fields = prior, make_fields(prior)
         self._gains = make_gains(self.fields)
         self.hypotheses: list[Hypothesis] = []
         self.evidence = Evidence(np.zeros((0, 2)), np.zeros((0, 2)), 0.0)
         self.direction = 0.0
-        self.start = start
+        self.start: tuple[float, float] | None = None
         self._searched = 0.0
         self._job: tuple[CoarseSearch, Iterator[Slice]] | None = None
         self._found: list[Candidate] = []

@@ -19,6 +19,9 @@ import shapely
 
 from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask, shows_shapes
+from layoutexplore.grids.boxes import window
+from layoutexplore.grids.grid import in_cells
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.grids.polygons import fill
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.raster import PlanRaster
@@ -163,9 +166,7 @@ class _Drawing:
         self.free, self.ids = raster.free.copy(), raster.room_ids.astype(np.int32)  # with room for new rooms
         self.changed: set[int] = set()
         self.next_id = int(self.ids.max()) + 1
-        reach = round(WALL / raster.resolution)
-        self.kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-        self.reach = reach
+        self.reach = round(WALL / raster.resolution)
 
     def change_rooms(self, config: SpoilConfig) -> None:
         """Merge, split, move and leave out rooms, each one at most once."""
@@ -191,15 +192,10 @@ class _Drawing:
 
     def _window(self, room: int) -> tuple[slice, slice]:
         """The box of a room with its walls."""
-        rows, cols = np.nonzero(self.ids == room)
-        reach = 2 * self.reach
-        return (
-            slice(max(int(rows.min()) - reach, 0), int(rows.max()) + reach + 1),
-            slice(max(int(cols.min()) - reach, 0), int(cols.max()) + reach + 1),
-        )
+        return window(self.ids == room, 2 * self.reach)
 
     def _near(self, mask: Mask) -> Mask:
-        return np.asarray(cv2.dilate(mask.astype(np.uint8), self.kernel) > 0)
+        return with_neighbours(mask, self.reach)
 
     def _neighbours(self, room: int) -> tuple[tuple[slice, slice], Ints]:
         """The window of a room, and the rooms that share a long wall with it, the longest first."""
@@ -230,8 +226,7 @@ class _Drawing:
     def _near_others(self, ids: Ints32, pair: tuple[int, int]) -> Mask:
         """Walls of further rooms: cells within a wall's thickness of them."""
         thin = round(0.25 / self.raster.resolution)
-        others = ((ids > 0) & ~np.isin(ids, pair)).astype(np.uint8)
-        return np.asarray(cv2.dilate(others, np.ones((2 * thin + 1, 2 * thin + 1), np.uint8)) > 0)
+        return with_neighbours((ids > 0) & ~np.isin(ids, pair), thin)
 
     def _split(self, room: int) -> bool:
         rows, cols = np.nonzero(self.ids == room)
@@ -241,7 +236,7 @@ class _Drawing:
             return False
         values = (rows, cols)[axis]
         at = int(values.min() + self.rng.uniform(0.35, 0.65) * spans[axis])
-        thick = max(1, round(NEW_WALL / self.raster.resolution))
+        thick = in_cells(NEW_WALL, self.raster.resolution)
         wall = (values >= at) & (values < at + thick)
         across = (cols, rows)[axis]
         place = self.rng.choice(across[wall]) if wall.any() else 0

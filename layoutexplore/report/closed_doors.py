@@ -15,8 +15,8 @@ from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.closed_doors import PairScore, Score, whole_building
 from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes, Cells, Mask, check_alike
-from layoutexplore.grids.boxes import known_box
-from layoutexplore.grids.grid import FREE, OCCUPIED
+from layoutexplore.grids.boxes import window
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.closed_door_maps import Triple, read_cells
 from layoutexplore.report.templates import png_uri, render
@@ -83,8 +83,7 @@ def draw_panels(triple: Triple, folder: Path) -> list[tuple[str, Bytes]]:
         if path is not None:
             panels.append((name, draw_map(cells, (read_cells(path, shape) == FREE) & ~seen, truth)))
     panels.append(("truth", draw_map(np.where(truth & ~seen, cells, truth_cells), nothing, truth)))
-    row0, row1, col0, col1 = known_box(truth_cells, 8)
-    part = np.s_[row0 : row1 or None, col0 : col1 or None]  # all of a truth that shows nothing
+    part = window(truth_cells != UNKNOWN, 8)
     return [(name, np.ascontiguousarray(image[part])) for name, image in panels]
 
 

@@ -17,7 +17,7 @@ from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.in_the_loop import BASELINE, DRIVER, LoopScore
 from layoutexplore.files import safe_name, write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes
-from layoutexplore.grids.boxes import known_box
+from layoutexplore.grids.boxes import window
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.grids.ros_map import encode_png
@@ -87,8 +87,7 @@ def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
     image[cells == OCCUPIED] = palette.WALL
     for frontier in snapshot.decision.frontiers:
         image[frontier.cells[:, 0], frontier.cells[:, 1]] = palette.PURPLE
-    row0, row1, col0, col1 = known_box(cells, round(1.0 / snapshot.decision.grid.resolution))
-    part = image[row0:row1, col0:col1]
+    part = image[window(cells != UNKNOWN, round(1.0 / snapshot.decision.grid.resolution))]
     scale = max(1, round(WIDTH / max(part.shape[:2])))
     large = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
     return np.ascontiguousarray(large[::-1], np.uint8)

@@ -24,7 +24,8 @@ from layoutexplore.drawing.beliefs import SUFFIX, BelievedPlan, believed_plan
 from layoutexplore.drawing.labels import LABEL_GAP, label_places
 from layoutexplore.drawing.prior_plans import draw_comparison
 from layoutexplore.errors import ResultsError
-from layoutexplore.grids.arrays import Bytes, Floats
+from layoutexplore.grids.arrays import Floats
+from layoutexplore.grids.boxes import window
 from layoutexplore.priors.completion import Compared
 from layoutexplore.report.decisive_decisions import DecisionPicture, decision_picture
 from layoutexplore.report.plots import Look, agent_looks, line_path
@@ -334,14 +335,5 @@ def _belief_picture(plan: BelievedPlan, n: int) -> BeliefPicture:
         f"seen the plan shows otherwise {percent(float(wrong_floor))} of the floor and "
         f"{percent(float(wrong_walls))} of the walls"
     )
-    image = draw_comparison(_cropped(codes, round(MARGIN / plan.resolution)), confidence)
+    image = draw_comparison(codes[window(codes > 0, round(MARGIN / plan.resolution))], confidence)
     return BeliefPicture(png_uri(image), caption)
-
-
-def _cropped(codes: Bytes, margin: int) -> Bytes:
-    """The part that shows anything, and so many cells around it."""
-    rows, cols = np.nonzero(codes)
-    if not len(rows):
-        return codes
-    low = np.maximum([rows.min() - margin, cols.min() - margin], 0)
-    return codes[low[0] : rows.max() + margin + 1, low[1] : cols.max() + margin + 1]

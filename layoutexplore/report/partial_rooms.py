@@ -21,6 +21,7 @@ from layoutexplore.evaluation.partial_rooms import Item, RoomScore, Scores, pred
 from layoutexplore.evaluation.partial_rooms_summary import hidden_interval
 from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes
+from layoutexplore.grids.boxes import window
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.metrics.statistics import Interval
@@ -106,12 +107,7 @@ def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> Bytes:
     cells, resolution = snapshot.decision.grid.cells, snapshot.truth.raster.resolution
     found = predicted_hidden(cells, item, rooms)
     hidden = item.mask & ~item.seen
-    rows, cols = np.nonzero(item.mask | found)
-    spare = math.ceil(MARGIN / resolution)
-    part = np.s_[
-        max(rows.min() - spare, 0) : rows.max() + spare + 1,
-        max(cols.min() - spare, 0) : cols.max() + spare + 1,
-    ]
+    part = window(item.mask | found, math.ceil(MARGIN / resolution))
     image = np.empty((*cells.shape, 3), np.uint8)
     image[:] = palette.CANVAS
     image[cells == FREE] = palette.FREE

@@ -10,7 +10,6 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from layoutexplore.benchmark.analysis import Comparison, PooledCurve
@@ -19,6 +18,7 @@ from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.labels import label_places
 from layoutexplore.grids.arrays import Floats, Mask
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.report.templates import png_uri
 
 RATIO_LIMITS = (0.4, 2.0)
@@ -217,10 +217,9 @@ def floor_picture(occupied: Mask) -> str:
     The top row has the highest y.
     """
     free = ~occupied
-    near = cv2.dilate(free.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     grey = np.full(occupied.shape, 236, np.uint8)
     grey[free] = 255
-    grey[occupied & near] = 88
+    grey[occupied & with_neighbours(free, 2)] = 88
     return png_uri(np.ascontiguousarray(grey[::-1]))
 
 

@@ -16,6 +16,7 @@ from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.segmentation import MapScore, in_percent, summarise_segmentation
 from layoutexplore.files import safe_name, write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes, Ints, Ints32
+from layoutexplore.grids.boxes import window
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.maps.painted_rooms import Case, read_case
@@ -37,9 +38,7 @@ def comparison_picture(case: Case, labels: Ints32, resolution: float) -> Bytes:
     """
     grid, truth, free = read_case(case, resolution)
     found = np.where(free, labels, 0)
-    known = np.argwhere(grid.cells != UNKNOWN)
-    (row0, col0), (row1, col1) = (known.min(0), known.max(0) + 1) if len(known) else ((0, 0), grid.shape)
-    part = np.s_[max(row0 - 10, 0) : row1 + 10, max(col0 - 10, 0) : col1 + 10]
+    part = window(grid.cells != UNKNOWN, 10)
     ground = np.where(free[..., None], UNCLAIMED, np.where(grid.occupied[..., None], WALL, UNSEEN)).astype(
         np.uint8
     )[part]
@@ -50,10 +49,7 @@ def comparison_picture(case: Case, labels: Ints32, resolution: float) -> Bytes:
         )
         sides.append(np.where((values > 0)[part][..., None], colours[values[part]], ground)[::-1])
     gap = np.full((sides[0].shape[0], 8, 3), 255, np.uint8)
-    picture = np.hstack([sides[0], gap, sides[1]])
-    scale = min(1.0, 1600 / picture.shape[1])
-    size = (max(round(picture.shape[1] * scale), 1), max(round(picture.shape[0] * scale), 1))
-    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return _narrowed(np.hstack([sides[0], gap, sides[1]]), 1600)
 
 
 def _matched(found: Ints32, truth: Ints32) -> Ints:
@@ -106,7 +102,7 @@ def write_segmentation_report(
         picture = comparison_picture(case, labels, resolution)
         name = f"{safe_name(row.folder)}_{safe_name(row.map)}_{safe_name(row.method)}.png"
         write_atomically(out / "pictures" / name, encode_png(picture))
-        pictures.append({"row": row, "image": png_uri(_smaller(picture))})
+        pictures.append({"row": row, "image": png_uri(_narrowed(picture, 1000))})
     page = render(
         "segmentation.html",
         title=title,
@@ -131,7 +127,8 @@ def _span(scales: Sequence[float]) -> str:
     return "\N{EN DASH}".join(dict.fromkeys(f"{value:.3g}" for value in (min(scales), max(scales))))
 
 
-def _smaller(picture: Bytes, width: int = 1000) -> Bytes:
+def _narrowed(picture: Bytes, width: int) -> Bytes:
+    """The picture, made smaller where it has more than so many columns."""
     if picture.shape[1] <= width:
         return picture
     height = max(round(picture.shape[0] * width / picture.shape[1]), 1)

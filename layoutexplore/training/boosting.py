@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +69,29 @@ def fit_forest(
         random_state=config.seed,
     )
     return as_forest(model.fit(features, target, sample_weight=weights), double=double)
+
+
+def fit_mean_forest(
+    features: NDArray[np.floating],
+    target: NDArray[np.generic],
+    config: BoostingConfig,
+    weights: NDArray[np.floating],
+    forests: int,
+) -> Forest:
+    """The mean of several forests of double precision, which depends less on the seed than each of them.
+
+    As `fit_forest`, with numbers rounded as they are written. Configs of different seeds share no forest.
+    """
+    seeds = range(forests * config.seed, forests * (config.seed + 1))
+    forest = mean_forest(
+        [fit_forest(features, target, replace(config, seed=k), weights, double=True) for k in seeds]
+    )
+    return rounded_forest(forest)
+
+
+def rounded_forest(forest: Forest) -> Forest:
+    """The forest with numbers of six decimals, as they are written."""
+    return replace(forest, threshold=forest.threshold.round(6), bias=round(forest.bias, 6))
 
 
 def mean_forest(forests: Sequence[Forest]) -> Forest:

@@ -125,8 +125,7 @@ def shut_rooms(truth: Cells, resolution: float, rng: np.random.Generator) -> Cel
             break
     if not shut:
         return None
-    side = 2 * in_cells(0.1, resolution) + 1
-    around = cv2.dilate(seen.astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    around = with_neighbours(seen, in_cells(0.1, resolution))
     cells = np.where(seen, FREE, np.where((truth == OCCUPIED) & around, OCCUPIED, UNKNOWN)).astype(np.int8)
     touched = with_neighbours(seen)
     for line in shut:
@@ -212,9 +211,7 @@ def add_outer_doors(
         return in_cells(metres, resolution)
 
     width, space, face = (cells_of(metres) for metres in (1.2, 2.5, 1.8))
-    wall = max(
-        cells_of(0.15), 2
-    )  # The rim is a cell thick on every grid, and what lies behind it is another.
+    wall = max(cells_of(0.15), 2)  # The rim is a cell thick on every grid, what lies behind it another one.
     behind = np.ones((space, face), np.uint8), (face // 2, space - 1)
     before = np.ones((cells_of(0.2), face), np.uint8), (face // 2, 0)
     for turns in rng.permutation(4)[:count].tolist():

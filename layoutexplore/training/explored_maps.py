@@ -6,12 +6,11 @@ map has it, so that noise, furniture and the mapper's habits stay those of the b
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from layoutexplore.grids.arrays import Cells, Ints32
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Pose, in_cells
-from layoutexplore.grids.morphology import inflate
+from layoutexplore.grids.morphology import inflate, with_neighbours
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper
 from layoutexplore.training.merging_examples import Example, make_example
@@ -50,8 +49,7 @@ def explore_map(cells: Cells, resolution: float, rng: np.random.Generator, *, de
     for cell in choose_stops(~inflate(solid, CLEARANCE, resolution), resolution, rng):
         x, y = mapper.grid.cell_to_world(*cell)
         mapper.observe(lidar, Pose(x, y, float(rng.uniform(0, 2 * np.pi))))
-    side = 2 * in_cells(0.1 if dense else 0.05, resolution) + 1
-    shown = cv2.dilate((mapper.grid.cells == FREE).astype(np.uint8), np.ones((side, side), np.uint8)) > 0
+    shown = with_neighbours(mapper.grid.cells == FREE, in_cells(0.1 if dense else 0.05, resolution))
     return np.where(shown, cells, UNKNOWN).astype(np.int8)
 
 

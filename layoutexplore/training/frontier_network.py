@@ -208,8 +208,8 @@ def _losses(
     )
     wrong = functional.binary_cross_entropy_with_logits(found[:, :2], wanted[:, :2], reduction="none").mean(0)
     off = functional.smooth_l1_loss(found[:, 2], wanted[:, 2])
-    riddles = torch.clamp((cells != KNOWN).sum(), min=1)
-    misdrawn = functional.cross_entropy(drawn, cells, ignore_index=KNOWN, reduction="sum") / riddles
+    hidden_cells = torch.clamp((cells != KNOWN).sum(), min=1)
+    misdrawn = functional.cross_entropy(drawn, cells, ignore_index=KNOWN, reduction="sum") / hidden_cells
     loss = (
         wrong[0]
         + config.leftover_weight * wrong[1]

@@ -10,7 +10,7 @@ quarters of what all real ones would without such weights.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from layoutexplore.layout.merging.agglomeration import training_samples
 from layoutexplore.layout.merging.pair_features import FEATURES, OF_NETWORK
 from layoutexplore.maps.painted_rooms import Case, read_case
 from layoutexplore.models.forest import Forest
-from layoutexplore.training.boosting import BoostingConfig, fit_forest, mean_forest
+from layoutexplore.training.boosting import BoostingConfig, fit_forest, mean_forest, rounded_forest
 from layoutexplore.training.explored_maps import explored_examples
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
@@ -174,8 +174,7 @@ def _fit(table: Floats, weights: Floats, config: MergingTrainingConfig, seed: in
         seed=seed,
     )
     features, is_one_room = table[:, : len(FEATURES)], table[:, LABEL] > 0.5
-    forest = fit_forest(features, is_one_room, boosting, weights, double=True)
-    return replace(forest, threshold=forest.threshold.round(6), bias=round(forest.bias, 6))
+    return rounded_forest(fit_forest(features, is_one_room, boosting, weights, double=True))
 
 
 EXPLORED = 2
@@ -200,7 +199,7 @@ def training_examples(cases: Sequence[Case], resolution: float, progress: Progre
         if case in largest:
             rng = np.random.default_rng([1, k])
             examples += explored_examples(grid.cells, truth, scale, building=building, kind=kind, rng=rng)
-        progress("maps cut into pieces", k + 1, len(cases))
+        progress("maps cut into regions", k + 1, len(cases))
     return examples
 
 

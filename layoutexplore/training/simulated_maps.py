@@ -28,6 +28,14 @@ STOPS, NEIGHBOURHOODS = (6, 15, 40), (10, 25, 60, 150, 400)
 """Scans a map, and how many of 600 random places, the nearest to the start, they are spread over."""
 
 
+def generated_plan(k: int, seed: int) -> FloorPlan:
+    """A generated floor plan, the k-th that belongs to a seed: of all families in turn."""
+    from layoutexplore.maps.generator import FAMILIES, generate
+
+    families = sorted(FAMILIES)
+    return generate(families[k % len(families)], 1000 * seed + k)
+
+
 def furnish_cells(
     occupied: Mask, rooms: Ints32, density: float, resolution: float, rng: np.random.Generator
 ) -> Mask:

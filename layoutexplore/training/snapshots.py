@@ -60,14 +60,16 @@ def explore_plan(
     """
     simulation = Simulation(plan, SimulationConfig(sensor=sensor, noise=noise))
     path = store and store / f"{_key(plan, simulation, seed, agent.name, coverages)}.npz"
+    found = None
     if path and path.exists():
         try:
-            return _load(path, plan, simulation, seed)
+            found = _load(path, simulation, seed)
         except LayoutExploreError as error:
             warnings.warn(f"{error}; it is made anew", stacklevel=2)
-    found = _run(simulation, seed, agent, coverages)
-    if path:
-        _save(path, found)
+    if found is None:
+        found = _run(simulation, seed, agent, coverages)
+        if path:
+            _save(path, found)
     return [
         Snapshot(plan.name, plan.building, sensor, seed, share, decision, simulation.truth)
         for share, decision in found
@@ -135,7 +137,7 @@ _RULES = {
 """What is stored of a decision; the grid is as large as the floor plan's raster."""
 
 
-def _load(path: Path, plan: FloorPlan, simulation: Simulation, seed: int) -> list[Snapshot]:
+def _load(path: Path, simulation: Simulation, seed: int) -> list[tuple[float, Decision]]:
     """What `_save` stored.
 
     Raises:
@@ -143,18 +145,8 @@ def _load(path: Path, plan: FloorPlan, simulation: Simulation, seed: int) -> lis
     """
     simulation.reset(seed=seed)
     data = read_arrays(path, rules={"coverages": ArrayRule(shape=("n",), low=0, high=1)})
-    return [
-        Snapshot(
-            plan.name,
-            plan.building,
-            simulation.config.lidar.name,
-            seed,
-            share,
-            _stored(data, k, simulation, path),
-            simulation.truth,
-        )
-        for k, share in enumerate(data["coverages"].tolist())
-    ]
+    shares = data["coverages"].tolist()
+    return [(share, _stored(data, k, simulation, path)) for k, share in enumerate(shares)]
 
 
 def _stored(data: Mapping[str, NDArray[Any]], k: int, simulation: Simulation, path: Path) -> Decision:

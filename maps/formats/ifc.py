@@ -105,9 +105,9 @@ def load_ifc(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     spaces = [
         (label, part)
         for label, text in floor["spaces"]
-        for part in room_parts(_joined(_shape(text)), dropped)
+        for part in room_parts(_joined(shapely.from_wkt(text)), dropped)
     ]
-    solid = _shape(floor["solid"])
+    solid = shapely.from_wkt(floor["solid"])
     check_outlines(where, [solid])
     check_count(where, "doors and holes of walls", len(floor["openings"]))
     _check_overlaps(where, [space for _, space in spaces])
@@ -179,10 +179,6 @@ def _extracted(path: Path, _changed: int, _size: int) -> dict[str, Any]:
         found: dict[str, Any] = read_json(target, _FLOORS)
     check_count(str(path), "spaces", max((len(f["spaces"]) for f in found["floors"]), default=0))
     return found
-
-
-def _shape(text: str) -> BaseGeometry:
-    return shapely.from_wkt(text)
 
 
 def _joined(space: BaseGeometry) -> BaseGeometry:

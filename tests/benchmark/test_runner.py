@@ -244,7 +244,8 @@ folder = ResultsFolder(pathlib.Path({str(tmp_path)!r}))
 folder.rewrite(rows[:2])
 resource.setrlimit(resource.RLIMIT_FSIZE, (folder.table.stat().st_size + 30, -1))
 try:
-    folder.append(rows[2])
+    with folder.appending() as append:
+        append(rows[2])
 except Exception as error:
     print(type(error).__name__)
 """

@@ -173,6 +173,9 @@ def test_the_trail_follows_what_the_robot_believes() -> None:
     assert np.argwhere(trail.marks).tolist() == [[5, col] for col in range(5, 16)]
     trail.extend(np.array([[1.55, 0.55, 0.0], [1.55, 0.75, 0.0]]))
     assert np.argwhere(trail.marks).tolist()[-2:] == [[6, 15], [7, 15]]
+    # A pose that has drifted beyond the edge, by less than a cell, is in no cell.
+    trail.extend(np.array([[-0.08, 2.05, 0.0], [-0.02, 2.05, 0.0]]))
+    assert not trail.marks[20].any()
 
 
 @pytest.fixture(scope="module")

@@ -32,7 +32,7 @@ Weights = Annotated[
     typer.Option("--weight", help="FOLDER=NUMBER: weight in training of a folder's maps, else 1; repeat."),
 ]
 Jobs = Annotated[
-    int, typer.Option(min=1, help="Processes, one where judges are trained; compare times with 1 only.")
+    int, typer.Option(min=1, help="Processes, one where classifiers are trained; compare times with 1 only.")
 ]
 
 
@@ -48,7 +48,7 @@ BuildingsFile = Annotated[
 ]
 LeaveOut = Annotated[
     Literal["source"] | None,
-    typer.Option(help="Score each source with a judge trained without its maps and buildings."),
+    typer.Option(help="Score each source with a classifier trained without its maps and buildings."),
 ]
 Sources = Annotated[
     list[str] | None,
@@ -88,7 +88,7 @@ def segmentation(
 ) -> None:
     """Room segmentation: precision, recall, IoU, one-to-one and coverages, per map and over all.
 
-    With --leave-out source, each source of maps is scored with a judge trained without it: the figure to
+    With --leave-out source, each source of maps is scored with a classifier trained without it: the figure to
     expect of maps from elsewhere, and the one by which models are chosen.
     """
     from layoutexplore.errors import require
@@ -157,7 +157,7 @@ def _collect(
 def _scores_held_out(
     cases: Sequence[Case], config: CrossValidationConfig, *, by_source: bool
 ) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
-    """Each map with its score by a judge that has seen no map of its fold, or of its source."""
+    """Each map with its score by a classifier that has seen no map of its fold, or of its source."""
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.evaluation.cross_validation import cross_validate_merging, leave_sources_out
 
@@ -187,7 +187,7 @@ def _say_guesses(cases: Sequence[Case]) -> None:
 def _check_held_out(
     folds: int, leave_out: str | None, methods: Sequence[str], training: dict[str, bool]
 ) -> None:
-    """Refuse other methods where judges are trained, and options of the training, given or not, elsewhere."""
+    """Refuse other methods where the method is trained, and options of the training elsewhere."""
     from layoutexplore.errors import ConfigError
 
     if folds and leave_out:

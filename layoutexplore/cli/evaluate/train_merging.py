@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 def train_merging(
     folders: Annotated[list[Path], typer.Argument(help="Folders with NAME.png and NAME_gt.png.")],
-    out: Annotated[Path, typer.Option(help="File for the judge of pairs of pieces, merging_model.json.")],
+    out: Annotated[Path, typer.Option(help="File for the classifier of pairs, merging_model.json.")],
     cut_out: Annotated[
         Path | None,
-        typer.Option(help="File for the judge of merges, cut_model.json; beside the other one if not given."),
+        typer.Option(help="File for that of merges, cut_model.json; beside the other one if not given."),
     ] = None,
     buildings: Annotated[
         Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")

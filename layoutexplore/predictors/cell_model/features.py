@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32, Labels, Mask
+from layoutexplore.grids.grid import in_cells
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.bit_map import (
     ALONG_COLS,
@@ -108,7 +109,7 @@ def find_candidates(
         spacing: Metres on a side of a lattice cell.
         reach: Metres of path through the unknown up to which a cell is a candidate.
     """
-    stride = max(round(spacing / resolution), 1)
+    stride = in_cells(spacing, resolution)
     bit_map = draw_bit_map(cells, regions, resolution, SIGHT + resolution)
     owner, way, crossed = _reach(bit_map.code, bit_map.margin, regions.labels, round(reach / resolution))
     first: Ints32 = _one_each(owner[0], bit_map.margin, cells.shape, stride)
@@ -234,7 +235,7 @@ def _first_axis(candidates: CandidateCells) -> Ints:
 def _typical_room(bit_map: BitMap, regions: Regions, resolution: float) -> tuple[float, float, float, float]:
     """Median area, longer and shorter side of the rooms that are seen whole, and how many there are."""
     inner = slice(bit_map.margin, -bit_map.margin)
-    beside = cv2.dilate(bit_map.code & UNKNOWN_BIT, np.ones((3, 3), np.uint8))[inner, inner] > 0
+    beside = with_neighbours(bit_map.code & UNKNOWN_BIT > 0)[inner, inner]
     boxes = regions.boxes
     edge = np.bincount(regions.labels[beside], minlength=regions.count + 1)
     area = boxes[:, 0] * resolution**2

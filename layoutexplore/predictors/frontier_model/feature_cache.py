@@ -14,6 +14,7 @@ from numba import njit
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32
+from layoutexplore.grids.grid import in_cells
 from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, WALL_BIT, BitMap
 from layoutexplore.predictors.frontier_model.feature_kernels import (
@@ -126,7 +127,7 @@ class FeatureCache(ByThread):
         features, frames, touched = self._features[old], self._frames[old], self._touched[old]
         if len(fresh):
             sight, end, door, unit = (round(v / resolution) for v in (SIGHT, NEAR_END, NEAR_DOOR, UNIT))
-            depths = np.array([max(round(d / resolution), 1) for d in DEPTHS], np.int64)
+            depths = np.array([in_cells(d, resolution) for d in DEPTHS], np.int64)
             lengths = Lengths(sight, end, door, unit, depths)
             barriers = np.array(list(BARRIERS.values()), np.int64)
             found = np.zeros((len(fresh), len(LOCAL_FEATURES)), np.float32)

@@ -99,7 +99,8 @@ def cast_rays(code: Bytes, frame: Floats, reach: int, out: Floats32) -> None:
     What ends it: 0 wall, 1 free, 2 nothing within reach, 3 there is no unknown on the ray. Lengths in cells.
     """
     # Not `grids.rays.ray_frame`: the models learnt from one sample a cell's length, not all cells crossed.
-    forward_row, forward_col, side_row, side_col = frame[FORWARD], frame[3], frame[SIDEWAYS], frame[5]
+    forward_row, forward_col = frame[FORWARD], frame[FORWARD + 1]
+    side_row, side_col = frame[SIDEWAYS], frame[SIDEWAYS + 1]
     for ray in range(RAYS):
         # Ray 0 looks forward; they turn towards the side that the frontier's normal leans to.
         dr = _COS[ray] * forward_row + _SIN[ray] * side_row
@@ -226,7 +227,7 @@ def flood_unknown(
                     elif bits & WALL_BIT:
                         walls += 1
                     else:
-                        # Every so manieth free cell is kept; when the list is full, half of it goes and
+                        # Every `stride`-th free cell is kept; when the list is full, half of it goes and
                         # the stride doubles, so that those kept stay evenly spread.
                         if free % stride == 0:
                             if kept == TOUCHED:

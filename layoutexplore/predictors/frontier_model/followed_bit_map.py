@@ -7,6 +7,7 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Cells
 from layoutexplore.grids.boxes import Box, grown_box
+from layoutexplore.grids.grid import in_cells
 from layoutexplore.layout.doorways import Gaps, Regions
 from layoutexplore.predictors.bit_map import (
     ALONG_COLS,
@@ -18,6 +19,7 @@ from layoutexplore.predictors.bit_map import (
     WALL_BIT,
     WALL_MIN,
     BitMap,
+    bits_of,
     draw_bit_map,
     draw_cells,
 )
@@ -48,7 +50,7 @@ class FollowedBitMap:
             The bit map; and what differs from the last one, uint8 (blocks down, blocks across), not 0 where
             one of `BLOCK` by `BLOCK` cells of the code does. None where that was of another shape.
         """
-        border = max(round(margin / resolution), 1)
+        border = in_cells(margin, resolution)
         kept, shape = self._bit_map, tuple(size + 2 * border for size in cells.shape)
         if kept is None or kept.code.shape != shape or resolution != self._resolution:
             self._bit_map = draw_bit_map(cells, regions, resolution, margin)
@@ -63,7 +65,7 @@ class FollowedBitMap:
         row0, row1, col0, col1 = box = _changed_box(cells, gaps, code, margin)
         if row0 >= row1:
             return blocks
-        shortest = max(round(WALL_MIN / self._resolution), 1)
+        shortest = in_cells(WALL_MIN, self._resolution)
         reach = round(EXTENSION_REACH / self._resolution)
         top, bottom, left, right = grown_box(box, reach + shortest, code.shape)
         top, left = top // BLOCK * BLOCK, left // BLOCK * BLOCK
@@ -88,25 +90,18 @@ def _changed_box(cells: Cells, gaps: Gaps, code: Bytes, margin: int) -> Box:
         values, widths, bits = cells[r], gaps[r], code[r + margin, margin : margin + cols]
         differs = np.uint8(0)
         for c in range(cols):
-            differs |= np.uint8(_bits_of(values[c], widths[c]) ^ (bits[c] & _KNOWN))
+            differs |= np.uint8(bits_of(values[c], widths[c]) ^ (bits[c] & _KNOWN))
         if not differs:
             continue
         first, last = 0, cols
-        while _bits_of(values[first], widths[first]) == bits[first] & _KNOWN:
+        while bits_of(values[first], widths[first]) == bits[first] & _KNOWN:
             first += 1
-        while _bits_of(values[last - 1], widths[last - 1]) == bits[last - 1] & _KNOWN:
+        while bits_of(values[last - 1], widths[last - 1]) == bits[last - 1] & _KNOWN:
             last -= 1
         row0, row1, col0, col1 = min(row0, r), r + 1, min(col0, first), max(col1, last)
     if row0 >= row1:
         return 0, 0, 0, 0
     return row0 + margin, row1 + margin, col0 + margin, col1 + margin
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _bits_of(value: int, width: int) -> int:
-    """The bits of a cell by itself."""
-    known = WALL_BIT if value == 100 else FREE_BIT
-    return (UNKNOWN_BIT if value == -1 else known) | (DOOR_BIT if width > 0 else 0)
 
 
 @njit(cache=True, nogil=True)

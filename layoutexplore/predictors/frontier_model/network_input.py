@@ -12,6 +12,7 @@ from numba import njit
 from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Labels, Mask
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
 from layoutexplore.predictors.frontier_model.feature_cache import Clusters
+from layoutexplore.predictors.frontier_model.feature_kernels import FORWARD, SIDEWAYS
 from layoutexplore.predictors.frontier_model.features import Surroundings
 
 CROP_CELL = 0.3
@@ -24,6 +25,9 @@ BEHIND = 10
 """Steps of it that lie behind the middle of the frontier; half of all lie to either side."""
 
 _BITS = np.array([FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT, ALONG_ROWS, ALONG_COLS], np.uint8)
+
+_ALONG_ROWS, _ALONG_COLS, _HOME, _OTHER, _OWN_CELLS, _FRONTIER_CELLS = range(len(_BITS) - 2, len(_BITS) + 4)
+"""Where the planes of continued walls, of regions and of frontier cells stand."""
 
 PLANES = len(_BITS) + 4
 """Planes of a crop.
@@ -84,7 +88,7 @@ def draw_truth(around: Surroundings, behind: Ints32, room_ids: Labels, free: Mas
     i, j = (((bounds[:-1] + bounds[1:] - 1) // 2) for bounds in (ahead, aside))
     out = np.empty((len(behind), SIDE, SIDE), np.uint8)
     for k, frame in enumerate(around.frames[:, :6].astype(np.int64)):
-        at = tuple(frame[n] + i[:, None] * frame[2 + n] + j * frame[4 + n] for n in (0, 1))
+        at = tuple(frame[n] + i[:, None] * frame[FORWARD + n] + j * frame[SIDEWAYS + n] for n in (0, 1))
         room, unknown = rooms[at], code[at] & UNKNOWN_BIT > 0
         is_behind = (room == behind[k]) & (room > 0)
         out[k] = np.select(
@@ -124,22 +128,29 @@ def _draw(
     flat = code.ravel(), labels.ravel()
     for at in range(len(wanted)):
         k = wanted[at]
-        frame = frames[k, :6].astype(np.int64)
-        first = frame[0] * code.shape[1] + frame[1], (frame[0] - margin) * labels.shape[1] + frame[1] - margin
-        forward = frame[2] * code.shape[1] + frame[3], frame[2] * labels.shape[1] + frame[3]
-        sideways = frame[4] * code.shape[1] + frame[5], frame[4] * labels.shape[1] + frame[5]
-        _draw_crop(flat, first, forward, sideways, homes[k], ahead, aside, out[at])
-        if frame[2] == 0:  # The path ahead runs along a row.
+        frame = frames[k].astype(np.int64)
+        row, col, forward_row, forward_col = frame[0], frame[1], frame[FORWARD], frame[FORWARD + 1]
+        side_row, side_col = frame[SIDEWAYS], frame[SIDEWAYS + 1]
+        # Steps in flat cells of the bit map, which has a margin, and of the labels.
+        width, inner = code.shape[1], labels.shape[1]
+        first = row * width + col, (row - margin) * inner + col - margin
+        forward = forward_row * width + forward_col, forward_row * inner + forward_col
+        sideways = side_row * width + side_col, side_row * inner + side_col
+        crop = out[at]
+        _draw_crop(flat, first, forward, sideways, homes[k], ahead, aside, crop)
+        if forward_row == 0:  # The path ahead runs along a row.
             for a in range(SIDE):
                 for s in range(SIDE):
-                    out[at, a, s, 4], out[at, a, s, 5] = out[at, a, s, 5], out[at, a, s, 4]
+                    across, along = crop[a, s, _ALONG_ROWS], crop[a, s, _ALONG_COLS]
+                    crop[a, s, _ALONG_ROWS], crop[a, s, _ALONG_COLS] = along, across
         for n in range(len(members)):
-            r, c = members[n, 0] - frame[0], members[n, 1] - frame[1]
-            i, j = r * frame[2] + c * frame[3] - ahead[0], r * frame[4] + c * frame[5] - aside[0]
+            r, c = members[n, 0] - row, members[n, 1] - col
+            i = r * forward_row + c * forward_col - ahead[0]
+            j = r * side_row + c * side_col - aside[0]
             if 0 <= i < len(rows) and 0 <= j < len(cols):
-                out[at, rows[i], cols[j], 9] = 255
+                crop[rows[i], cols[j], _FRONTIER_CELLS] = 255
                 if offsets[k] <= n < offsets[k + 1]:
-                    out[at, rows[i], cols[j], 8] = 255
+                    crop[rows[i], cols[j], _OWN_CELLS] = 255
 
 
 @njit(cache=True, nogil=True)
@@ -169,7 +180,7 @@ def _draw_crop(
     """
     (code, labels), squares = flat, out.reshape(SIDE * SIDE, PLANES)
     for a in range(SIDE):
-        # Where a cell has more grid cells than a counter holds, every so manieth is counted.
+        # Where a cell has more grid cells than a counter holds, only every n-th is counted.
         step_ahead = (ahead[a + 1] - ahead[a]) // (_MOST_CELLS + 1) + 1
         for s in range(SIDE):
             step_aside = (aside[s + 1] - aside[s]) // (_MOST_CELLS + 1) + 1
@@ -188,7 +199,8 @@ def _draw_crop(
             for b in range(len(_BITS)):
                 squares[at, np.uint64(b)] = _share(counts & (1 << _WIDTH) - 1, total)
                 counts >>= _WIDTH
-            squares[at, np.uint64(6)], squares[at, np.uint64(7)] = _share(mine, total), _share(others, total)
+            squares[at, np.uint64(_HOME)] = _share(mine, total)
+            squares[at, np.uint64(_OTHER)] = _share(others, total)
 
 
 @njit(cache=True, nogil=True)

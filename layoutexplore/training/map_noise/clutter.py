@@ -9,6 +9,7 @@ import numpy as np
 
 from layoutexplore.grids.arrays import Bytes, Floats, Ints32, Mask
 from layoutexplore.grids.grid import in_cells
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.maps.floorplan import Door, FloorPlan
 from layoutexplore.maps.raster import PlanRaster
 
@@ -119,11 +120,10 @@ def glass_of(walls: Mask, outside: Mask, rate: float, resolution: float, rng: np
         resolution: Metres a cell.
         rng: Source of randomness.
     """
-    reach = 2 * in_cells(0.3, resolution) + 1
-    near = cv2.dilate(outside.view(np.uint8), np.ones((reach, reach), np.uint8)) > 0
-    places = np.argwhere(walls & near)
+    reach = in_cells(0.3, resolution)
+    places = np.argwhere(walls & with_neighbours(outside, reach))
     strips = np.zeros(walls.shape, np.uint8)
-    metres = len(places) * resolution / max(reach / 2, 1)
+    metres = len(places) * resolution / (reach + 0.5)
     for row, col in (
         places[rng.integers(len(places), size=rng.poisson(rate * metres / 10))] if len(places) else ()
     ):

@@ -18,16 +18,20 @@ import numpy as np
 from layoutexplore.errors import LayoutExploreError
 from layoutexplore.grids.arrays import Cells, Ints32
 from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.maps.library import load_plan
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.fit import LARGEST
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
 from layoutexplore.training.map_noise.weather import weather
 from layoutexplore.training.merging_examples import SIMULATED, Example, make_example
 from layoutexplore.training.polygonal_buildings.polygonal_floors import polygonal_floor
-from layoutexplore.training.simulated_maps import drawn_example, simulated_example
+from layoutexplore.training.simulated_maps import drawn_example, generated_plan, simulated_example
 
 NOISES: tuple[MapNoiseConfig | None, ...] = (None, MapNoiseConfig(), WIDE)
 """Noise of a map, each as often; None for a lidar alone."""
+
+SEED = 1
+"""Of what is drawn for the simulated maps."""
 
 WEATHERED = 0.5
 """Share of the maps with the noise of recorded ones that are weathered besides, where any are."""
@@ -65,21 +69,22 @@ def polygonal_examples(count: int, seed: int = 1, progress: Progress = silent) -
 
 
 def simulated_examples(
-    count: int, plans: tuple[str, ...] = (), seed: int = 1, progress: Progress = silent
+    count: int, plans: tuple[str, ...] = (), progress: Progress = silent
 ) -> tuple[Example, ...]:
     """Maps of floor plans: every third of a given one in turn, the others generated, of all families in turn.
+
+    The same plans, furniture, scans and noise each time.
 
     Args:
         count: Maps; a few are left out where the plan is too large.
         plans: Files of floor plans, or names that `layoutexplore.maps.load_plan` knows.
-        seed: Of noise, furniture, scans and plans; the same seed gives the same maps.
         progress: Receives what is being done, how often it has been done, and how often it will be.
     """
-    return tuple(example for example, _ in _simulated(count, plans, seed, progress, weathered=False))
+    return tuple(example for example, _ in _simulated(count, plans, progress, weathered=False))
 
 
 def weathered_pairs(
-    count: int, plans: tuple[str, ...] = (), seed: int = 1, progress: Progress = silent
+    count: int, plans: tuple[str, ...] = (), progress: Progress = silent
 ) -> tuple[tuple[Example, Example], ...]:
     """Each map of `simulated_examples`, and what is learnt beside the separator network in its place.
 
@@ -87,18 +92,18 @@ def weathered_pairs(
     what befalls recorded ones besides (`layoutexplore.training.map_noise.weather`): on maps with whole walls
     the network is so right that it would be trusted too much.
     """
-    return tuple(_simulated(count, plans, seed, progress, weathered=True))
+    return tuple(_simulated(count, plans, progress, weathered=True))
 
 
 def _simulated(
-    count: int, plans: tuple[str, ...], seed: int, progress: Progress, *, weathered: bool
+    count: int, plans: tuple[str, ...], progress: Progress, *, weathered: bool
 ) -> Iterator[tuple[Example, Example]]:
     for k in range(count):
         progress("maps simulated", k + 1, count)
-        rng = np.random.default_rng([seed, k])
+        rng = np.random.default_rng([SEED, k])
         noise = NOISES[int(rng.integers(len(NOISES)))]
         try:
-            plan = _plan(k, plans, seed)
+            plan = load_plan(plans[k // 3 % len(plans)]) if plans and k % 3 == 0 else generated_plan(k, SEED)
             pair = _pair(plan, noise, rng, weathered=weathered)
         except LayoutExploreError:
             continue
@@ -120,13 +125,3 @@ def _pair(
     if not (weathered and rng.random() < WEATHERED):
         return example, example
     return example, _noisy(plan, *weather(made.cells, made.rooms, made.resolution, rng), made.resolution)
-
-
-def _plan(k: int, plans: tuple[str, ...], seed: int) -> FloorPlan:
-    from layoutexplore.maps import load_plan
-    from layoutexplore.maps.generator import FAMILIES, generate
-
-    if plans and k % 3 == 0:
-        return load_plan(plans[k // 3 % len(plans)])
-    families = sorted(FAMILIES)
-    return generate(families[k % len(families)], 1000 * seed + k)

@@ -119,7 +119,7 @@ def fit_noise(real: Floats, simulated: SimulatedMaps, config: MapNoiseConfig, ke
     return dataclasses.replace(config, **ranges)
 
 
-def told_apart(real: Floats, real_groups: Sequence[str], simulated: SimulatedMaps, seed: int = 0) -> float:
+def told_apart(real: Floats, real_groups: Sequence[str], simulated: SimulatedMaps) -> float:
     """Area under the ROC curve of a forest that tells real from simulated maps, cross-validated by building.
 
     NaN where all maps of either kind are of one building: held out, the forest would not know that kind.
@@ -128,7 +128,6 @@ def told_apart(real: Floats, real_groups: Sequence[str], simulated: SimulatedMap
         real: float64 (n, statistics) of real maps.
         real_groups: The building of each, as far as it is known.
         simulated: Simulated maps.
-        seed: Of the forest.
 
     Raises:
         ConfigError: Too few maps.
@@ -144,9 +143,9 @@ def told_apart(real: Floats, real_groups: Sequence[str], simulated: SimulatedMap
     truth = np.arange(len(table)) < len(real)
     groups = [*(f"real {name}" for name in real_groups), *(f"plan {name}" for name in simulated.buildings)]
     forest = RandomForestClassifier(
-        60, max_depth=5, min_samples_leaf=3, class_weight="balanced", random_state=seed
+        60, max_depth=5, min_samples_leaf=3, class_weight="balanced", random_state=0
     )
-    folds = StratifiedGroupKFold(min(5, len({*groups})), shuffle=True, random_state=seed)
+    folds = StratifiedGroupKFold(min(5, len({*groups})), shuffle=True, random_state=0)
     odds = cross_val_predict(forest, table, truth, groups=groups, cv=folds, method="predict_proba")[:, 1]
     return float(roc_auc_score(truth, odds))
 

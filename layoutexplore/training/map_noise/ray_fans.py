@@ -16,7 +16,7 @@ import numpy as np
 from layoutexplore.errors import ConfigError
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.models.forest import Forest
-from layoutexplore.training.boosting import BoostingConfig, fit_forest, mean_forest
+from layoutexplore.training.boosting import BoostingConfig, fit_mean_forest
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.examples import simulated_examples
 from layoutexplore.training.merging_examples import Example
@@ -67,12 +67,8 @@ def train_fan_forest(examples: Sequence[Example], seed: int = 0) -> Forest:
         raise ConfigError(
             f"all {len(outside)} regions of {len(examples)} maps are of one kind: simulate more"
         )
-    weights = weights / weights.mean()
-    seeds = range(FORESTS * seed, FORESTS * (seed + 1))
-    forest = mean_forest(
-        [fit_forest(features, is_outside, replace(GROWTH, seed=k), weights, double=True) for k in seeds]
-    )
-    return replace(forest, threshold=forest.threshold.round(6), bias=round(forest.bias, 6))
+    growth = replace(GROWTH, seed=seed)
+    return fit_mean_forest(features, is_outside, growth, weights / weights.mean(), FORESTS)
 
 
 def train_on_simulated_maps(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Mask
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, in_cells
 
 SPECK, THING = 0.02, 1.0
 """Occupied components up to this area are specks, larger ones up to this are things that float [m2]."""
@@ -147,7 +147,7 @@ def _unknown_share(cells: Cells) -> float:
 
 
 def _ray_share(free: Mask, resolution: float) -> float:
-    reach = max(round(RAY / resolution), 1)
+    reach = in_cells(RAY, resolution)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     wide: Bytes = np.asarray(cv2.morphologyEx(free.view(np.uint8), cv2.MORPH_OPEN, disc), np.uint8)
     return float(1 - wide[free].mean())

@@ -17,7 +17,7 @@ from layoutexplore.layout.merging.merge_tree.cut import MergingModels
 from layoutexplore.layout.merging.merge_tree.features import TREE_FEATURES, TREE_OF_NETWORK
 from layoutexplore.maps.painted_rooms import Case
 from layoutexplore.models.forest import Forest
-from layoutexplore.training.boosting import BoostingConfig, fit_forest, mean_forest
+from layoutexplore.training.boosting import BoostingConfig, fit_mean_forest, mean_forest
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.map_noise.examples import POLYGONAL, polygonal_examples, weathered_pairs
 from layoutexplore.training.merge_trees.samples import TreeSamples, tree_samples
@@ -51,8 +51,8 @@ def train_merging_models(
         mine = [e for e, h in zip(examples, halves, strict=True) if h == half]
         others = [e for e, h in zip(examples, halves, strict=True) if h != half]
         # of one building there is no other half: better a flattering tree than none
-        judge = replace(config, seed=config.seed + 1 + half, forests=2)
-        forest = train_forest(others, judge) if others else pairs
+        other = replace(config, seed=config.seed + 1 + half, forests=2)
+        forest = train_forest(others, other) if others else pairs
         samples += [tree_samples(example, forest) for example in mine]
         keys += [kind_of(example) for example in mine]
     return MergingModels(pairs, _train_cut(samples, keys, config))
@@ -113,14 +113,8 @@ def _train_cut(
         return None
     if config.blind:
         features[:, [TREE_FEATURES.index(name) for name in TREE_OF_NETWORK]] = 0.0
-    seeds = range(config.forests * config.seed, config.forests * (config.seed + 1))
-    forest = mean_forest(
-        [
-            fit_forest(features, stands, replace(GROWTH, seed=k), weights / weights.mean(), double=True)
-            for k in seeds
-        ]
-    )
-    return replace(forest, threshold=forest.threshold.round(6), bias=round(forest.bias, 6))
+    growth = replace(GROWTH, seed=config.seed)
+    return fit_mean_forest(features, stands, growth, weights / weights.mean(), config.forests)
 
 
 def train_classifiers(

@@ -21,7 +21,6 @@ from layoutexplore.grids.arrays import Cells, Ints32
 from layoutexplore.layout.merging.separator.planes import KINDS as PLANES
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.generator import FAMILIES, generate
 from layoutexplore.maps.library import source_files
 from layoutexplore.plugins.transport import worker_map
 from layoutexplore.training.folds import Progress, silent
@@ -29,7 +28,7 @@ from layoutexplore.training.map_noise.fit import LARGEST
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, simulate_map
 from layoutexplore.training.map_noise.weather import weather
 from layoutexplore.training.separator.examples import SeparatorExample, separator_example
-from layoutexplore.training.simulated_maps import RESOLUTION, drawn_cells, scanned_cells
+from layoutexplore.training.simulated_maps import RESOLUTION, drawn_cells, generated_plan, scanned_cells
 
 KnownMap = tuple[Cells, Ints32, float]
 """A map int8 (rows, cols), the true room of each cell int32 (rows, cols), 0 for none, and metres a cell."""
@@ -139,8 +138,7 @@ def known_maps(k: int, plans: Sequence[str], seed: int) -> list[KnownMap]:
 def _plan(k: int, plans: Sequence[str], seed: int, rng: np.random.Generator) -> FloorPlan:
     if plans and k % GIVEN == 0:
         return load_plan(plans[int(rng.integers(len(plans)))])
-    families = sorted(FAMILIES)
-    return generate(families[k % len(families)], 1000 * seed + k)
+    return generated_plan(k, seed)
 
 
 def _map_of(plan: FloorPlan, kind: int, rng: np.random.Generator) -> KnownMap | None:

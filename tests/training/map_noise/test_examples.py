@@ -44,7 +44,7 @@ def test_a_noisy_map_becomes_regions_and_the_rooms_they_lie_in() -> None:
 def test_examples_take_turns_of_noise_and_are_the_same_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(examples, "NOISES", (None, ROUGH))
     plans, told = ("apartment:2", "apartment:3"), []
-    monkeypatch.setattr(examples, "_plan", lambda k, given, seed: load_plan(given[k % 2]))
+    monkeypatch.setattr(examples, "generated_plan", lambda k, seed: load_plan(f"apartment:{2 + k % 2}"))
     first = simulated_examples(4, plans, progress=lambda *done: told.append(done))
     assert told == [("maps simulated", k, 4) for k in (1, 2, 3, 4)]
     again = simulated_examples(4, plans)
@@ -55,7 +55,7 @@ def test_examples_take_turns_of_noise_and_are_the_same_again(monkeypatch: pytest
 def test_some_noisy_maps_are_weathered_besides(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(examples, "NOISES", (None, ROUGH))
     monkeypatch.setattr(examples, "WEATHERED", 1.0)
-    monkeypatch.setattr(examples, "_plan", lambda k, given, seed: load_plan(given[k % 2]))
+    monkeypatch.setattr(examples, "generated_plan", lambda k, seed: load_plan(f"apartment:{2 + k % 2}"))
     plans = ("apartment:2", "apartment:3")
     plain, pairs = simulated_examples(4, plans), weathered_pairs(4, plans)
     assert all(np.array_equal(one.rooms, a.rooms) for one, (a, _) in zip(plain, pairs, strict=True))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.components import join_runs
+from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.grids.runs import find_runs
 from layoutexplore.layout.limits import cells_at_most
 
@@ -58,9 +58,7 @@ def structural_components(
     """
     solid = np.ascontiguousarray(occupied | doors)
     steps = cells_at_most(gap / 2, resolution, MOST_STEPS) if gap else 0
-    near: Bytes = solid.view(np.uint8)
-    if steps:
-        near = np.asarray(cv2.dilate(near, np.ones((2 * steps + 1, 2 * steps + 1), np.uint8)), np.uint8)
+    near: Bytes = (with_neighbours(solid, steps) if steps else solid).view(np.uint8)
     # grown by half the gap on either side, a component is longer than it was by that much
     longest = length + 2 * steps * resolution
     return np.asarray(
