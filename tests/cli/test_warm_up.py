@@ -10,13 +10,14 @@ from typer.testing import CliRunner
 from layoutexplore.cli import app
 from layoutexplore.cli.warm_up import warm_up_steps
 from layoutexplore.layout.merging.walls.raggedness import is_ragged
-from layoutexplore.layout.pipeline import method_names
+from layoutexplore.layout.pipeline import LAYOUTS, method_names
 from layoutexplore.sensing.lidar import SENSORS
 
 
 def test_every_method_and_sensor_is_warmed_up() -> None:
     names = {name for name, _ in warm_up_steps()}
-    assert {f"layout method {name}" for name in method_names()} <= names
+    own = {entry.name for entry in LAYOUTS.own()}  # of tests that ran before
+    assert {f"layout method {name}" for name in method_names() if name not in own} <= names
     assert {f"sensor {name}" for name in SENSORS} <= names
 
 
