@@ -75,7 +75,6 @@ class Ias15Config(SegmentConfig, FaceConfig):
     line_weight: float = 0.0
     inside_share: float = 0.5
     partial_weight: float = 0.2
-    sigma: float = 0.1
     room_area: float = 0.0
     canny: tuple[int, int] = (90, 100)
     bandwidth: float = 0.023

@@ -41,7 +41,7 @@ class MorphologicalConfig:
     """Erode the free space step by step; a region that falls into the area range is a room.
 
     Attributes:
-        area_min: Smallest eroded room [m2] (Bormann et al., Table I).
+        area_min: Smallest eroded room [m2], as in the survey's program.
         area_max: Largest eroded room [m2].
         depth: The erosion stops so far from the walls [m]: their 73 steps of 0.05 m.
     """
@@ -61,7 +61,7 @@ class DistanceConfig:
     """The threshold on the distance that gives most regions within the area range gives the rooms.
 
     Attributes:
-        area_min: Smallest region [m2] (Bormann et al., Table I).
+        area_min: Smallest region [m2], as in the survey's program.
         area_max: Largest region [m2].
     """
 

@@ -22,7 +22,7 @@ from layoutexplore.options import Rule, check, check_fields
 
 @dataclass(frozen=True, kw_only=True)
 class VoronoiConfig:
-    """Options of the Voronoi method (Bormann et al., Table I).
+    """Options of the Voronoi method, by default those of the survey's program.
 
     Attributes:
         neighbourhood: A critical point is the narrowest of 280 / D cells of the graph, D its distance to the
