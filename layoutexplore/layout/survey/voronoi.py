@@ -65,12 +65,14 @@ def voronoi_regions(free: Mask, resolution: float, config: VoronoiConfig) -> Int
     for point, *ends in critical_lines(points, walls, distance, config.spacing)[:, :, ::-1].tolist():
         for end in ends:
             cv2.line(cut, point, end, 0, 2)
-    contours, _ = cv2.findContours(cut, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    # of a region with holes the outer contour is the longer way around: its area is the largest
+    contours, _ = cv2.findContours(cut, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     count, parts = cv2.connectedComponents(cut, connectivity=8)
     areas = np.zeros(count)
     for contour in contours:
         col, row = contour[0, 0]
-        areas[parts[row, col]] = cv2.contourArea(contour) * resolution**2
+        part = parts[row, col]
+        areas[part] = max(areas[part], cv2.contourArea(contour) * resolution**2)
     keep = areas >= config.area_min
     keep[0] = False
     return np.where(keep[parts], parts, 0).astype(np.int32)
