@@ -1,4 +1,4 @@
-"""The strategy of Luperto and Amigoni (AAMAS 2021), as published: its utility, its classes, its pipeline.
+"""The strategy of Luperto, Fochetta and Amigoni (AAMAS 2021): its utility, its classes, its pipeline.
 
 The partial grid is reconstructed by the IAS-15 pipeline at every decision and half-seen rooms are completed
 by its faces. The gain of a closed frontier is the predicted unseen area of its room, that of an open one what
@@ -29,7 +29,7 @@ class PredictedUtilityOptions(LayoutOptions):
 
 
 class PredictedUtility(RoomAwareHeuristic[PredictedUtilityOptions]):
-    """alpha (dmax - d)/dmax + (1 - alpha) A/Amax, where A is predicted (Luperto and Amigoni, AAMAS 2021)."""
+    """alpha (dmax - d)/dmax + (1 - alpha) A/Amax, where A is predicted."""
 
     def scores(self, among: Candidates) -> Scores:
         """Between 0 and 1."""

@@ -135,7 +135,7 @@ class LayoutTour(LookingTour[LayoutTourOptions]):
 
 
 class LayoutGain(RoomAwareHeuristic[LayoutGainOptions]):
-    """Expected area against path length: A exp(-lambda d) (Luperto and Amigoni, AAMAS 2021)."""
+    """A exp(-lambda d) (Gonzalez-Banos and Latombe 2002), where A is predicted."""
 
     def scores(self, among: Candidates) -> Scores:
         """In square metres, up to a factor that all share."""

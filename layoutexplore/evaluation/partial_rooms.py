@@ -1,4 +1,4 @@
-"""How well half-seen rooms and frontiers are predicted (Luperto et al. 2019; Luperto and Amigoni 2021).
+"""How well half-seen rooms and frontiers are predicted (Luperto et al. 2019 and 2021).
 
 Every predictor answers the same snapshots of explorations. Items are true rooms seen to 5-95 % that hold a
 frontier of half a metre or more; the predicted room is the one that holds most of the room's frontier cells,

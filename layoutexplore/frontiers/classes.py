@@ -1,10 +1,10 @@
 """Closed and open frontiers: is what lies behind the rest of a seen room, or does it lead on?
 
 The same rule serves the truth (with the floor plan's rooms) and every prediction (with the predicted rooms),
-after the definitions of the layout-based exploration papers (Luperto and Amigoni, AAMAS 2021): the room
-behind a frontier is the one with the most unknown free cells within 0.5 m behind it; the frontier is open
-when that room is hardly seen, or when the unknown behind it reaches a square metre of another room; else it
-is closed.
+after the definitions of the layout-based exploration papers (Luperto, Fochetta and Amigoni, AAMAS 2021): the
+room behind a frontier is the one with the most unknown free cells within 0.5 m behind it; the frontier is
+open when that room is hardly seen, or when the unknown behind it reaches a square metre of another room; else
+it is closed.
 """
 
 from __future__ import annotations

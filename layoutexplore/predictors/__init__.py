@@ -101,7 +101,7 @@ def _register_shipped() -> None:
         PREDICTORS.ship(shape, doc, _shape(outline), Options())
     PREDICTORS.ship(
         "face-subset",
-        "the best union of faces of the walls' lines (after Luperto and Amigoni)",
+        "the best union of faces of the walls' lines (after Luperto, Arcerito and Amigoni)",
         lambda name, _: FaceSubsetPredictor(),
         Options(),
     )

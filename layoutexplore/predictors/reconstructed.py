@@ -2,9 +2,9 @@
 
 Rooms of a method with lines (IAS-15, ROSE2, `default`) are unions of faces of the lines, some of them half
 seen: the faces complete them (IAS-15, section IV-C; ROSE2, section III-C). A room with a face at the border
-of the lines' box is bounded by no wall there: the unknown behind it leads on (Luperto and Amigoni, AAMAS
-2021). Rooms of the other methods end where the seen space ends: they reach on as far as the rooms of ROSE2's
-lines do.
+of the lines' box is bounded by no wall there: the unknown behind it leads on (Luperto, Fochetta and Amigoni,
+AAMAS 2021). Rooms of the other methods end where the seen space ends: they reach on as far as the rooms of
+ROSE2's lines do.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ class FaceConfig:
         inside_share: A face with a smaller share inside the contour is external.
         partial_weight: A face next to an external one over an edge of smaller weight is partial; so is one at
             the border.
-        sigma: Scale of an edge's weight in the affinity of the faces on its sides.
+        sigma: Scale of an edge's weight in the affinity of the faces on its sides (ROSE2's code: 0.125).
         affinity: Least normalised affinity of two faces of one room (1 - eps of DBSCAN).
         room_area: Rooms with less free space, in square metres, join a neighbour.
         region_area: Seen regions smaller than this, in square metres, do not count as inside.
@@ -56,7 +56,7 @@ class FaceConfig:
     edge_length: float = 0.0
     inside_share: float = 0.2
     partial_weight: float = 0.05
-    sigma: float = 0.125
+    sigma: float = 0.1
     affinity: float = 0.15
     room_area: float = 1.9
     region_area: float = 2.0

@@ -3,7 +3,8 @@
 Canny edges of the walls, probabilistic Hough segments, mean shift on their directions, spatial clusters of
 parallel segments, one representative line a cluster, faces, and rooms by the affinity of faces. The defaults
 are those with which the authors' published numbers were made, turned into metres at 0.1 m a cell, but for
-two: their segments are 0.3 m long at least, and the map is searched for them once (`twice`).
+three: their segments are 0.3 m long at least, the map is searched for them once (`twice`), and only
+directions near the grid's axes are kept (`manhattan`).
 """
 
 from __future__ import annotations
@@ -74,7 +75,6 @@ class Ias15Config(SegmentConfig, FaceConfig):
     line_weight: float = 0.0
     inside_share: float = 0.5
     partial_weight: float = 0.2
-    sigma: float = 0.1
     room_area: float = 0.0
     canny: tuple[int, int] = (90, 100)
     bandwidth: float = 0.023

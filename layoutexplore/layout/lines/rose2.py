@@ -53,7 +53,6 @@ class Rose2Config(DeclutterConfig, SegmentConfig, FaceConfig, TopologyConfig):
         line_distance: Walls of one direction closer than this share a representative line ("a doorway").
     """
 
-    sigma: float = 0.1
     wall_depth: float = 0.5
     level: float = 0.15
     level_step: float = 0.03

@@ -10,6 +10,9 @@ from numba import njit
 from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Ints, Ints32
 
+RULES = "abcde"
+"""The authors' rules in their order: each is through with all regions before the next one begins."""
+
 
 @checks_making
 class Borders:
@@ -90,35 +93,37 @@ def _border_cells(padded: Ints32, count: int) -> Ints:
     return pairs[:n, 0] * count + pairs[:n, 1]
 
 
-def merge_target(borders: Borders, region: int, area: float, merge_area: float) -> int:
-    """The neighbour a region merges into, 0 for none: rules (a) to (e) of the authors, in their order."""
+def merge_target(borders: Borders, region: int, rule: str, area: float, merge_area: float) -> int:
+    """The neighbour that a region of so many square metres merges into by one of `RULES`, 0 for none."""
     shares, perimeter = borders.shares[region], borders.perimeter[region]
     neighbours = sorted((k for k in shares if k > 0), key=lambda k: (-shares[k], k))
-    if not neighbours or perimeter == 0:
+    if not neighbours:
         return 0
-    wall = shares.get(0, 0) / perimeter
+    if rule == "d":
+        return next((k for k in neighbours if _share_much(borders, region, k)), 0)
     largest = neighbours[0]
-    border = shares[largest] / perimeter
-    their_wall = borders.shares[largest].get(0, 0) / max(borders.perimeter[largest], 1)
-    if len(neighbours) == 1 and area < merge_area and wall <= 0.75:
-        return largest
-    if area < 2.0 and border > 0.2 and their_wall <= 0.8:
-        return largest
-    if (
-        (len(neighbours) == 1 or wall + border > 0.98)
-        and wall > 0.5
-        and border > 0.15
-        and not _crossroads(borders, largest)
-    ):
-        return largest
-    for other in neighbours:
-        mine = shares[other] / perimeter
-        theirs = borders.shares[other].get(region, 0) / max(borders.perimeter[other], 1)
-        # counted, not divided: a room with one neighbour has exactly 1 - border of wall
-        between = 0.95 - 2 * mine < wall and shares.get(0, 0) < perimeter - shares[other]
-        if (mine > 0.2 or (mine > 0.1 and between)) and theirs > 0.1:
-            return other
-    return largest if border > 0.4 else 0
+    wall, border = shares.get(0, 0) / perimeter, shares[largest] / perimeter
+    if rule == "a":
+        merges = len(neighbours) == 1 and area < merge_area and wall <= 0.75
+    elif rule == "b":
+        their_wall = borders.shares[largest].get(0, 0) / borders.perimeter[largest]
+        merges = area < 2.0 and border > 0.2 and their_wall <= 0.8
+    elif rule == "c":
+        is_end = len(neighbours) == 1 or wall + border > 0.98
+        merges = is_end and wall > 0.5 and border > 0.15 and not _crossroads(borders, largest)
+    else:
+        merges = border > 0.4
+    return largest if merges else 0
+
+
+def _share_much(borders: Borders, region: int, other: int) -> bool:
+    """Rule (d): the common border is much of the region's, by its share of wall, and some of the other's."""
+    shares, perimeter = borders.shares[region], borders.perimeter[region]
+    wall, mine = shares.get(0, 0) / perimeter, shares[other] / perimeter
+    theirs = borders.shares[other].get(region, 0) / borders.perimeter[other]
+    # counted, not divided: a room with one neighbour has exactly 1 - border of wall
+    between = 0.95 - 2 * mine < wall and shares.get(0, 0) < perimeter - shares[other]
+    return (mine > 0.2 or (mine > 0.1 and between)) and theirs > 0.1
 
 
 def _crossroads(borders: Borders, region: int) -> bool:
@@ -129,7 +134,7 @@ def _crossroads(borders: Borders, region: int) -> bool:
 
 
 def merge_by_borders(labels: Ints32, resolution: float, *, merge_area: float) -> Ints32:
-    """Merge regions until no rule applies, always the smallest first to which one does; ties by label.
+    """Merge regions by one of `RULES` after the other, always the smallest that it applies to; ties by label.
 
     Regions without a target wait outside the queue until a merge changes something around them.
 
@@ -140,25 +145,26 @@ def merge_by_borders(labels: Ints32, resolution: float, *, merge_area: float) ->
     """
     borders = Borders(labels)
     into = np.arange(len(borders.area), dtype=np.int32)
-    queue = [(area, region) for region, area in enumerate(borders.area) if region > 0 and area > 0]
-    queued = set(queue)
-    heapq.heapify(queue)
-    while queue:
-        entry = heapq.heappop(queue)
-        queued.discard(entry)
-        area, region = entry
-        if borders.area[region] != area:
-            continue
-        target = merge_target(borders, region, area * resolution**2, merge_area)
-        if target == 0:
-            continue
-        borders.merge(region, target)
-        into[region] = target
-        for other in borders.around(target):
-            entry = borders.area[other], other
-            if entry not in queued:
-                queued.add(entry)
-                heapq.heappush(queue, entry)
+    for rule in RULES:
+        queue = [(area, region) for region, area in enumerate(borders.area) if region > 0 and area > 0]
+        queued = set(queue)
+        heapq.heapify(queue)
+        while queue:
+            entry = heapq.heappop(queue)
+            queued.discard(entry)
+            area, region = entry
+            if borders.area[region] != area:
+                continue
+            target = merge_target(borders, region, rule, area * resolution**2, merge_area)
+            if target == 0:
+                continue
+            borders.merge(region, target)
+            into[region] = target
+            for other in borders.around(target):
+                entry = borders.area[other], other
+                if entry not in queued:
+                    queued.add(entry)
+                    heapq.heappush(queue, entry)
     while (into[into] != into).any():
         into = into[into]
     return np.asarray(into[labels])

@@ -41,7 +41,7 @@ class MorphologicalConfig:
     """Erode the free space step by step; a region that falls into the area range is a room.
 
     Attributes:
-        area_min: Smallest eroded room [m2] (Bormann et al., Table I).
+        area_min: Smallest eroded room [m2], as in the survey's program.
         area_max: Largest eroded room [m2].
         depth: The erosion stops so far from the walls [m]: their 73 steps of 0.05 m.
     """
@@ -61,7 +61,7 @@ class DistanceConfig:
     """The threshold on the distance that gives most regions within the area range gives the rooms.
 
     Attributes:
-        area_min: Smallest region [m2] (Bormann et al., Table I).
+        area_min: Smallest region [m2], as in the survey's program.
         area_max: Largest region [m2].
     """
 
@@ -77,25 +77,27 @@ class DistanceConfig:
 Contours = Sequence[Ints32]
 
 
-def regions_with_areas(mask: Bytes) -> tuple[Contours, list[int], Floats]:
+def regions_with_areas(mask: Bytes) -> tuple[Contours, Ints32, list[int], Floats]:
     """Outer contours of the regions of a mask and the areas of their polygons less those of their holes.
 
     Args:
         mask: uint8 (rows, cols), not 0 inside the regions (8-connected).
 
     Returns:
-        All contours, the indices of the outer ones, and the area of each outer one in cells squared.
+        All contours, OpenCV's tree of them int32 (n, 4), the indices of the outer ones, and the area of each
+        outer one in cells squared.
     """
     contours, tree = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     if not contours:
-        return (), [], np.zeros(0)
-    parents = np.reshape(tree, (-1, 4))[:, 3]
+        return (), np.zeros((0, 4), np.int32), [], np.zeros(0)
+    nodes = np.asarray(tree, np.int32).reshape(-1, 4)
+    parents = nodes[:, 3]
     areas = np.array([cv2.contourArea(c) for c in contours], np.float64)
     net = areas.copy()
     holes = parents >= 0
     np.subtract.at(net, parents[holes].astype(np.int64), areas[holes])
     outer = np.flatnonzero(~holes)
-    return cast(Contours, contours), outer.tolist(), net[outer]
+    return cast(Contours, contours), nodes, outer.tolist(), net[outer]
 
 
 def morphological_labels(free: Mask, resolution: float, config: MorphologicalConfig) -> Ints32:
@@ -105,14 +107,15 @@ def morphological_labels(free: Mask, resolution: float, config: MorphologicalCon
     kernel, label = np.ones((3, 3), np.uint8), 0
     for _ in range(math.ceil(config.depth / resolution)):
         left = cast("Bytes", cv2.erode(left, kernel))
-        contours, outer, areas = regions_with_areas(left)
+        contours, tree, outer, areas = regions_with_areas(left)
         if not outer:
             break
         for index, area in zip(outer, areas * resolution**2, strict=True):
             if config.area_min < area < config.area_max:
                 label += 1
                 cv2.drawContours(seeds, [contours[index]], 0, label, cv2.FILLED)
-                cv2.drawContours(left, [contours[index]], 0, 0, cv2.FILLED)
+                # what lies in its holes may still become a room
+                cv2.drawContours(left, contours, index, 0, cv2.FILLED, hierarchy=tree[None], maxLevel=1)
     seeds[~free] = 0
     return grow_labels(seeds, free)
 
@@ -123,7 +126,7 @@ def distance_labels(free: Mask, resolution: float, config: DistanceConfig) -> In
     distance = np.minimum(np.rint(cv2.distanceTransform(eroded, cv2.DIST_L2, 5)), 255).astype(np.uint8)
     best: list[Ints32] = []
     for threshold in range(int(distance.max(initial=0)), 0, -1):
-        contours, outer, areas = regions_with_areas((distance > threshold).astype(np.uint8))
+        contours, _, outer, areas = regions_with_areas((distance > threshold).astype(np.uint8))
         metres = areas * resolution**2
         kept = [
             contours[i] for i, a in zip(outer, metres, strict=True) if config.area_min <= a <= config.area_max

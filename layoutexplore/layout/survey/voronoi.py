@@ -22,7 +22,7 @@ from layoutexplore.options import Rule, check, check_fields
 
 @dataclass(frozen=True, kw_only=True)
 class VoronoiConfig:
-    """Options of the Voronoi method (Bormann et al., Table I).
+    """Options of the Voronoi method, by default those of the survey's program.
 
     Attributes:
         neighbourhood: A critical point is the narrowest of 280 / D cells of the graph, D its distance to the
@@ -65,12 +65,14 @@ def voronoi_regions(free: Mask, resolution: float, config: VoronoiConfig) -> Int
     for point, *ends in critical_lines(points, walls, distance, config.spacing)[:, :, ::-1].tolist():
         for end in ends:
             cv2.line(cut, point, end, 0, 2)
-    contours, _ = cv2.findContours(cut, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    # of a region with holes the outer contour is the longer way around: its area is the largest
+    contours, _ = cv2.findContours(cut, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     count, parts = cv2.connectedComponents(cut, connectivity=8)
     areas = np.zeros(count)
     for contour in contours:
         col, row = contour[0, 0]
-        areas[parts[row, col]] = cv2.contourArea(contour) * resolution**2
+        part = parts[row, col]
+        areas[part] = max(areas[part], cv2.contourArea(contour) * resolution**2)
     keep = areas >= config.area_min
     keep[0] = False
     return np.where(keep[parts], parts, 0).astype(np.int32)

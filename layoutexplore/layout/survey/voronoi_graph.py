@@ -141,25 +141,29 @@ def _prune(graph: Bytes, passes: int) -> None:
 def _take_neighbourhood(left: Bytes, members: Ints32, r: int, c: int, wanted: int, iterations: int) -> int:
     """Move cells around one of the graph from `left` to `members`, ring by ring, until more than wanted.
 
-    Returns how many there are; the last ring is always whole.
+    As the authors count, a cell is one for each cell of the ring before that it lies beside. Returns how many
+    were moved; the last ring is always whole.
     """
     rows, cols = left.shape
-    # a cell leaves `left` when it is queued, so that it is queued once
     left[r, c] = 0
     members[0] = r * cols + c
-    n, begin = 1, 0
+    n, begin, counted = 1, 0, 0
     for _ in range(iterations):
-        if n > wanted or begin == n:
+        if counted > wanted or begin == n:
             break
         end = n
         for k in range(begin, end):
             r0, c0 = members[k] // cols, members[k] % cols
             for rr in range(max(r0 - 1, 0), min(r0 + 2, rows)):
                 for cc in range(max(c0 - 1, 0), min(c0 + 2, cols)):
-                    if left[rr, cc]:
-                        left[rr, cc] = 0
+                    # a 2 is queued already, in this ring
+                    counted += left[rr, cc] > 0
+                    if left[rr, cc] == 1:
+                        left[rr, cc] = 2
                         members[n] = rr * cols + cc
                         n += 1
+        for k in range(end, n):
+            left[members[k] // cols, members[k] % cols] = 0
         begin = end
     return n
 
@@ -197,7 +201,8 @@ def critical_points(graph: Bytes, distance: Bytes, neighbourhood: int, iteration
     Args:
         graph: uint8 (rows, cols), 1 for the cells of the graph.
         distance: uint8 (rows, cols), to the walls in cells.
-        neighbourhood: A stretch has this many cells, divided by the distance where it begins.
+        neighbourhood: A stretch has this many cells, divided by the distance where it begins, those that lie
+            beside several of the stretch counted several times.
         iterations: A stretch grows so many times at most.
     """
     return _critical_points(

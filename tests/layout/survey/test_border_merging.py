@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from layoutexplore.layout.survey.border_merging import Borders, merge_by_borders, merge_target
+from layoutexplore.layout.survey.border_merging import RULES, Borders, merge_by_borders, merge_target
 
 
 def test_borders_count_distinct_cells_and_merge() -> None:
@@ -23,20 +23,30 @@ def test_borders_count_distinct_cells_and_merge() -> None:
 
 
 def slow_merging(labels: np.ndarray, resolution: float, merge_area: float) -> np.ndarray:
-    """Every merge starts again from the smallest region."""
+    """Every merge starts again from the smallest region, with the rule that it was made by."""
     borders = Borders(labels)
     merged = labels.copy()
-    while True:
-        alive = sorted((area, region) for region, area in enumerate(borders.area) if region > 0 and area > 0)
-        targets = (
-            (region, merge_target(borders, region, area * resolution**2, merge_area))
-            for area, region in alive
-        )
-        region, target = next((pair for pair in targets if pair[1] > 0), (0, 0))
-        if target == 0:
-            return merged
-        borders.merge(region, target)
-        merged[merged == region] = target
+    for rule in RULES:
+        target = -1
+        while target != 0:
+            alive = sorted((area, k) for k, area in enumerate(borders.area) if k > 0 and area > 0)
+            targets = (
+                (region, merge_target(borders, region, rule, area * resolution**2, merge_area))
+                for area, region in alive
+            )
+            region, target = next((pair for pair in targets if pair[1] > 0), (0, 0))
+            if target > 0:
+                borders.merge(region, target)
+                merged[merged == region] = target
+    return merged
+
+
+def test_a_rule_is_through_before_the_next_one_begins() -> None:
+    rows = ["1122222224444444", *["11#2222224444444"] * 5, "3##2222224444444", "33#2222224444444"]
+    labels = np.array([[int(cell) for cell in row.replace("#", "0")] for row in rows], np.int32)
+    # (a) puts 3 to 1 and (d) 2 to 4; that (c) would put these to 1 by then comes too late
+    whole = np.where(labels == 3, 1, np.where(labels == 2, 4, labels))
+    assert (merge_by_borders(labels, 0.6, merge_area=12.5) == whole).all()
 
 
 @settings(max_examples=60, deadline=None)

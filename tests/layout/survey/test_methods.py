@@ -29,3 +29,14 @@ def test_two_rooms_are_two_rooms(method: str) -> None:
     assert layout.labels[45, 30] != layout.labels[45, 120]
     assert all(room.polygon.is_valid for room in layout.rooms)
     assert layout.rooms[0].polygon.intersection(layout.rooms[1].polygon).area == 0
+
+
+@pytest.mark.parametrize("method", ["morphological", "voronoi"])
+def test_a_closed_room_that_a_corridor_runs_around_is_a_room(method: str) -> None:
+    cells = np.full((94, 114), 100, np.int8)
+    cells[2:92, 2:112] = 0
+    cells[6:88, 6:108] = 100
+    cells[8:86, 8:106] = 0
+    layout = reconstruct(OccupancyGrid(cells, 0.1), method)
+    assert len(layout.rooms) == 2
+    assert layout.labels[47, 57] not in (0, layout.labels[3, 57])
