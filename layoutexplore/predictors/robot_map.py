@@ -177,8 +177,8 @@ class RobotMap:
         if isinstance(choice, PATHS):
             if decision.step != len(self._track) - 1:
                 raise ConfigError("the decision is no longer the last one: choose on that one")
-            here, starts = self._way_out.tolist(), path_of(choice)[:1].tolist()
-            here = here[0] if starts == here[:1] else here[-1]
+            out = self._way_out.tolist()
+            here = out[0 if path_of(choice)[:1].tolist() == out[:1] else -1]
             path = checked_walk(choice, Cell(*here), decision.grid.shape).path
         else:
             number = Rule(kind=int, low=STOP, high=len(decision.frontiers) - 1).convert("choice", choice)
