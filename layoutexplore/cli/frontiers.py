@@ -65,22 +65,21 @@ def show_frontiers(
     from layoutexplore.errors import ConfigError
     from layoutexplore.files import check_places
     from layoutexplore.frontiers.decision import Privileged, predictor_of
-    from layoutexplore.grids.ros_map import load_grid
-    from layoutexplore.importing.pictures import picture_config
+    from layoutexplore.importing.pictures import picture_config, read_picture
     from layoutexplore.predictors.robot_map import RobotMap
 
     check_places(out)
-    config = picture_config(resolution=resolution, unknown_grey=unknown_grey, image_anywhere=image_anywhere)
+    config = picture_config(
+        resolution=resolution,
+        unknown_grey=unknown_grey,
+        image_anywhere=image_anywhere,
+        keep_outside=True,  # floor at the edge of a map that is not finished is no garden
+    )
     chosen = make_agent(agent)
     if isinstance(chosen, Privileged):
         raise ConfigError(f"{agent} goes by the true floor plan, which no map of a robot tells")
     robot_map = RobotMap(predictor_of(chosen), sensor=sensor, robot_radius=robot_radius)
-    grid = load_grid(
-        source,
-        resolution=config.resolution,
-        unknown_grey=config.unknown_grey,
-        image_anywhere=config.image_anywhere,
-    )
+    grid = read_picture(source, config)
     decision = robot_map.decide(grid, _place(grid, at))
     choice = _answer(chosen, decision)
     way = robot_map.way(decision, choice)
@@ -107,7 +106,7 @@ def _place(grid: OccupancyGrid, text: str | None) -> Pose:
 
     if (pose := parse_start(text, "--at")) is not None:
         return pose
-    free = np.pad(grid.trinary.free.astype(np.uint8), 1)
+    free = np.pad(grid.free.astype(np.uint8), 1)
     row, col = np.unravel_index(cv2.distanceTransform(free, cv2.DIST_L2, 5)[1:-1, 1:-1].argmax(), grid.shape)
     return Pose(*grid.cell_to_world(int(row), int(col)))
 

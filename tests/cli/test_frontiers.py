@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app
-from layoutexplore.errors import ConfigError, StartError
+from layoutexplore.errors import ConfigError, MapError, StartError
 from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.maps.library import load_plan
 from layoutexplore.simulation.config import SimulationConfig
@@ -90,5 +90,9 @@ def test_what_makes_no_sense_is_refused(half_seen: tuple[Path, str]) -> None:
         call(path, "--at", here, "--agent", "clairvoyant")
     with pytest.raises(ConfigError, match="--at needs"):
         call(path, "--at", "here")
+    with pytest.raises(MapError, match="brings its own"):
+        call(path, "--resolution", "0.1")
+    with pytest.raises(MapError, match="floor plan"):
+        call("floor.geojson")
     with pytest.raises(StartError, match="not on its map"):
         call(path, "--at", "1000,0")
