@@ -45,16 +45,32 @@ GIVEN_UP = 0.1
 WAY_OUT = 1.0
 """Metres that a robot which has no room where it stands may be away from where it has."""
 
+CLEANING_MARGIN = 1.0
+"""Metres of the unknown around what is known that tell what is cleaned where the outside is."""
+
 _SAME_CELL = 1e-3
 """Share of a cell by which two grids may lie apart and have the same cells: ROS rounds resolutions."""
 
 
+Place = tuple[tuple[int, int], float, Pose]
+"""Where the cells of a grid lie: its shape, resolution and origin."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What a robot knows in the frame of a decision: the cells int8 of a box (half open), no others."""
+
+    place: Place
+    box: Box
+    cells: Cells
+
+
 @dataclass(eq=False)
 class _Frame:
-    """What follows a grid while its cells stay where they are, which were other ones before cleaning."""
+    """What follows a grid while its cells stay where they are, and what that was before cleaning."""
 
     grid: OccupancyGrid
-    uncleaned: Cells
+    seen: _Seen
     traversability: Traversability
     detector: FrontierDetector
     selector: ViewpointSelector
@@ -134,11 +150,10 @@ class RobotMap:
         check_kind("grid", grid, OccupancyGrid)
         pose = Pose(*(float(value) for value in _COORDINATE.convert("pose", pose)))
         _check_on(grid, pose)
-        check_cell_range(grid.cells)
-        uncleaned = self._with_margin(grid.trinary)
-        grid = self._cleaned(uncleaned)
+        seen = self._seen(grid)
+        grid = self._cleaned(seen)
         self._way_out = _way_out(grid, pose, self._radius)
-        frame, changed = self._follow(grid, uncleaned.cells)
+        frame, changed = self._follow(grid, seen)
         frame.traversability.note(changed)
         field = frame.traversability.distances(frame.grid.cells, Cell(*self._way_out[-1].tolist()))
         self._track = np.concatenate([self._track, [pose]])
@@ -204,30 +219,34 @@ class RobotMap:
         if self._frame is not None:
             self._blacklist(self._frame, points)
 
-    def _cleaned(self, grid: OccupancyGrid) -> OccupancyGrid:
-        """The grid without noise, if it is to be cleaned; what is occupied stays occupied."""
-        frame = self._frame
-        if frame and _place(frame.grid) == _place(grid) and np.array_equal(frame.uncleaned, grid.cells):
-            return frame.grid
-        if self._clean:
-            cells = without_noise(grid).cells
-            np.copyto(cells, np.int8(OCCUPIED), where=grid.occupied)
-            grid = OccupancyGrid(cells, grid.resolution, grid.origin)
-        if not grid.free.any():
+    def _cleaned(self, seen: _Seen) -> OccupancyGrid:
+        """What is seen, without noise if it is to be cleaned; what is occupied stays occupied."""
+        before, cells = self._frame, seen.cells
+        if before and _alike(before.seen, seen) and np.array_equal(before.seen.cells, cells):
+            return before.grid
+        shape, resolution, origin = seen.place
+        if self._clean and cells.size:
+            margin = in_cells(CLEANING_MARGIN, resolution)
+            around = OccupancyGrid(np.pad(cells, margin, constant_values=UNKNOWN), resolution)
+            clean = without_noise(around).cells[margin:-margin, margin:-margin]
+            cells = np.where(cells == OCCUPIED, cells, clean)
+        if not (cells == FREE).any():
             raise MapError("no cell of the robot's map is free: nothing is known of any floor")
-        return grid
+        canvas = np.full(shape, UNKNOWN, np.int8)
+        canvas[_part(seen.box)] = cells
+        return OccupancyGrid(canvas, resolution, origin)
 
-    def _follow(self, grid: OccupancyGrid, uncleaned: Cells) -> tuple[_Frame, Box]:
+    def _follow(self, grid: OccupancyGrid, seen: _Seen) -> tuple[_Frame, Box]:
         """What follows the grid, and the box around the cells that have changed since the last decision."""
         frame = self._frame
-        if frame is not None and _place(frame.grid) == _place(grid):
-            changed = (0, 0, 0, 0) if frame.grid is grid else true_box(frame.grid.cells != grid.cells)
-            frame.grid, frame.uncleaned = grid, uncleaned
+        if frame is not None and frame.seen.place == seen.place:
+            changed = _changes(frame.grid.cells, grid.cells, union(frame.seen.box, seen.box))
+            frame.grid, frame.seen = grid, seen
             return frame, changed
         view = min(GAIN_RANGE, self.sensor.range_max)
         self._frame = frame = _Frame(
             grid,
-            uncleaned,
+            seen,
             Traversability(grid.shape, self._radius, grid.resolution),
             FrontierDetector(grid.shape),
             ViewpointSelector(
@@ -235,7 +254,7 @@ class RobotMap:
             ),
         )
         self._blacklist(frame, self._given_up)
-        return frame, (0, grid.shape[0], 0, grid.shape[1])
+        return frame, seen.box
 
     @staticmethod
     def _blacklist(frame: _Frame, points: Floats) -> None:
@@ -245,32 +264,50 @@ class RobotMap:
         inside = ((cells >= 0) & (cells < frame.grid.shape)).all(axis=1)
         frame.selector.blacklist(np.unique(cells[inside], axis=0).astype(np.int32))
 
-    def _with_margin(self, grid: OccupancyGrid) -> OccupancyGrid:
-        """The grid with unknown cells around what is known, as far as a frontier is looked beyond.
+    def _seen(self, grid: OccupancyGrid) -> _Seen:
+        """What is known of a grid, in a frame that reaches as far around it as a frontier is looked beyond.
 
-        It stays in the frame before while its cells are cells of that and the margin fits; a new frame has
-        twice the margin, or a map that grows would soon leave it.
+        It is the frame before while the cells are cells of that and the margin fits; a new frame has twice
+        the margin, or a map that grows would soon leave it.
         """
+        known = known_box(grid.cells)
+        cells = grid.cells[_part(known)].copy()  # SLAM may go on writing into the array
+        if cells.size:
+            if cells.min() < UNKNOWN or cells.max() > OCCUPIED:
+                check_cell_range(grid.cells)
+            cells = OccupancyGrid(cells, grid.resolution).trinary.cells
         reach = math.ceil(min(GAIN_RANGE, self.sensor.range_max) / grid.resolution)
-        whole, (row0, row1, col0, col1) = (0, grid.shape[0], 0, grid.shape[1]), known_box(grid.cells)
-        box = union(whole, (row0 - reach, row1 + reach, col0 - reach, col1 + reach))
+        box = union((0, grid.shape[0], 0, grid.shape[1]), _shifted(known, -reach, -reach, 2 * reach))
         before = self._frame and self._frame.grid
         if before and (at := _offset(before, grid)):
-            rows, cols = before.shape
-            around = at[0], at[0] + rows, at[1], at[1] + cols
+            around = at.row, at.row + before.shape[0], at.col, at.col + before.shape[1]
             if union(box, around) == around:
-                return OccupancyGrid(_on_canvas(grid.cells, around), grid.resolution, before.origin)
-            box = box[0] - reach, box[1] + reach, box[2] - reach, box[3] + reach
+                return _Seen(_place(before), _shifted(known, -at.row, -at.col), cells)
+            box = _shifted(box, -reach, -reach, 2 * reach)
         x, y = grid.cell_to_world(box[0] - 0.5, box[2] - 0.5)
-        return OccupancyGrid(_on_canvas(grid.cells, box), grid.resolution, Pose(x, y, grid.origin.theta))
+        shape = box[1] - box[0], box[3] - box[2]
+        place = shape, grid.resolution, Pose(x, y, grid.origin.theta)
+        return _Seen(place, _shifted(known, -box[0], -box[2]), cells)
 
 
-def _on_canvas(cells: Cells, box: Box) -> Cells:
-    """The cells int8 (rows, cols) in a box (half open) around them, in which all others are unknown."""
-    row0, row1, col0, col1 = box
-    canvas = np.full((row1 - row0, col1 - col0), UNKNOWN, np.int8)
-    canvas[-row0 : cells.shape[0] - row0, -col0 : cells.shape[1] - col0] = cells
-    return canvas
+def _part(box: Box) -> tuple[slice, slice]:
+    """The slices of an array that are a box."""
+    return slice(box[0], box[1]), slice(box[2], box[3])
+
+
+def _shifted(box: Box, rows: int, cols: int, larger: int = 0) -> Box:
+    """A box moved by so many rows and columns, and made larger at its end."""
+    return box[0] + rows, box[1] + rows + larger, box[2] + cols, box[3] + cols + larger
+
+
+def _changes(before: Cells, cells: Cells, box: Box) -> Box:
+    """The box around the cells that differ, all of which lie in a box."""
+    inner = (0, 0, 0, 0) if before is cells else true_box(before[_part(box)] != cells[_part(box)])
+    return _shifted(inner, box[0], box[2]) if inner[1] else inner
+
+
+def _alike(one: _Seen, other: _Seen) -> bool:
+    return one.place == other.place and one.box == other.box
 
 
 def _offset(before: OccupancyGrid, grid: OccupancyGrid) -> Cell | None:
@@ -318,6 +355,5 @@ def _way_out(grid: OccupancyGrid, pose: Pose, radius: float) -> Ints32:
     return descend(lengths, passable, Cell(*map(int, nearest))) + np.array([top, left], np.int32)
 
 
-def _place(grid: OccupancyGrid) -> tuple[tuple[int, int], float, Pose]:
-    """Where the cells of a grid lie."""
+def _place(grid: OccupancyGrid) -> Place:
     return grid.shape, grid.resolution, grid.origin
