@@ -253,3 +253,12 @@ def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(ConfigError, match="robot_radius"):
         RobotMap(robot_radius=0.0)
     assert robot_map.decide(grid, Pose(1.0, 1.0)).frontiers  # as if nothing had been asked
+
+
+@pytest.mark.parametrize("resolution", [0.03, 0.25, 1.0, 3.0])
+def test_cells_may_be_small_or_large(resolution: float) -> None:
+    grid = OccupancyGrid(opening().cells, resolution)
+    here = Pose(*grid.cell_to_world(12, 12))
+    decision = RobotMap("layout", robot_radius=1e-3).decide(grid, here)
+    assert len(decision.frontiers) == 1 and decision.rooms is not None
+    assert decision.rooms.labels.max() > 0

@@ -125,7 +125,8 @@ class FeatureCache(ByThread):
         fresh = np.flatnonzero(old < 0)
         features, frames, touched = self._features[old], self._frames[old], self._touched[old]
         if len(fresh):
-            sight, end, door, unit = (round(v / resolution) for v in (SIGHT, NEAR_END, NEAR_DOOR, UNIT))
+            sight, end, door = (round(v / resolution) for v in (SIGHT, NEAR_END, NEAR_DOOR))
+            unit = max(round(UNIT / resolution), 1)
             depths = np.array([max(round(d / resolution), 1) for d in DEPTHS], np.int64)
             lengths = Lengths(sight, end, door, unit, depths)
             barriers = np.array(list(BARRIERS.values()), np.int64)
