@@ -96,9 +96,9 @@ class PlanTour(LookingTour[PlanTourOptions]):
         super().__init__(name, options, LookingAround(options.look_every))
         self.reset(0)
 
-    def reset(self, seed: int) -> None:
-        """Begin a new run: nothing is foreseen yet."""
-        super().reset(seed)
+    def forget_cells(self) -> None:
+        """Begin anew: nothing is foreseen yet."""
+        super().forget_cells()
         self._floor: ForeseenFloor | None = None
         self._plan, self._plans = NOTHING_PLANNED, 0
         self._arriving: Cell | None = None

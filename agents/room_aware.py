@@ -17,6 +17,7 @@ from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.tour_features import BEGUN, SURE, area_left, ready_frontiers
 from layoutexplore.grids.arrays import Ints, Mask
+from layoutexplore.grids.grid import Pose
 from layoutexplore.options import check_kind, option
 from layoutexplore.simulation.looking_around import LOOK_EVERY, LookingAround
 
@@ -105,16 +106,25 @@ class LookingTour(RoomAwareHeuristic[RoomAwareTourT]):
 
     def __init__(self, name: str, options: RoomAwareTourT, looking: LookingAround) -> None:
         super().__init__(name, options)
-        self._looking = looking
+        self._looking, self._frame = looking, ((0, 0), 0.0, Pose(0.0, 0.0))
         self.remembers = self.remembers or looking.every > 0
 
     def reset(self, seed: int) -> None:
         """Begin a new run: the robot is on its way to nothing."""
         super().reset(seed)
+        self.forget_cells()
+
+    def forget_cells(self) -> None:
+        """Forget what is known by its cells: they are those of another grid, or a new run begins."""
         self._looking.forget()
 
     def choose(self, decision: Decision) -> Choice:
         """Where to go, or the first steps there where the robot looks around then."""
+        grid = decision.grid
+        frame = grid.shape, grid.resolution, grid.origin
+        if frame != self._frame:  # the map of a robot of one's own grows
+            self.forget_cells()
+            self._frame = frame
         return self._looking.choose(decision, self.plan, anew=self.plans_anew(decision))
 
     def plans_anew(self, decision: Decision) -> bool:

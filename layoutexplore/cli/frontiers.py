@@ -12,6 +12,7 @@ from layoutexplore.cli.map_import import ImageAnywhere, Resolution, UnknownGreyO
 
 if TYPE_CHECKING:
     from layoutexplore.frontiers.decision import Agent, Choice, Decision
+    from layoutexplore.grids.arrays import Floats
     from layoutexplore.grids.grid import OccupancyGrid, Pose
 
 
@@ -64,26 +65,25 @@ def show_frontiers(
     from layoutexplore.errors import ConfigError
     from layoutexplore.files import check_places
     from layoutexplore.frontiers.decision import Privileged, predictor_of
-    from layoutexplore.grids.ros_map import load_grid
-    from layoutexplore.importing.pictures import picture_config
+    from layoutexplore.importing.pictures import picture_config, read_picture
     from layoutexplore.predictors.robot_map import RobotMap
 
     check_places(out)
-    config = picture_config(resolution=resolution, unknown_grey=unknown_grey, image_anywhere=image_anywhere)
+    config = picture_config(
+        resolution=resolution,
+        unknown_grey=unknown_grey,
+        image_anywhere=image_anywhere,
+        keep_outside=True,  # floor at the edge of a map that is not finished is no garden
+    )
     chosen = make_agent(agent)
     if isinstance(chosen, Privileged):
         raise ConfigError(f"{agent} goes by the true floor plan, which no map of a robot tells")
     robot_map = RobotMap(predictor_of(chosen), sensor=sensor, robot_radius=robot_radius)
-    grid = load_grid(
-        source,
-        resolution=config.resolution,
-        unknown_grey=config.unknown_grey,
-        image_anywhere=config.image_anywhere,
-    )
+    grid = read_picture(source, config)
     decision = robot_map.decide(grid, _place(grid, at))
     choice = _answer(chosen, decision)
     way = robot_map.way(decision, choice)
-    written = [] if out is None else _write(out / source.stem, decision, choice)
+    written = [] if out is None else _write(out / source.stem, decision, choice, way)
     found = {
         "map": str(source),
         "pose": list(decision.pose),
@@ -106,7 +106,7 @@ def _place(grid: OccupancyGrid, text: str | None) -> Pose:
 
     if (pose := parse_start(text, "--at")) is not None:
         return pose
-    free = np.pad(grid.trinary.free.astype(np.uint8), 1)
+    free = np.pad(grid.free.astype(np.uint8), 1)
     row, col = np.unravel_index(cv2.distanceTransform(free, cv2.DIST_L2, 5)[1:-1, 1:-1].argmax(), grid.shape)
     return Pose(*grid.cell_to_world(int(row), int(col)))
 
@@ -136,7 +136,7 @@ def _rows(decision: Decision) -> list[dict[str, Any]]:
     ]
 
 
-def _write(base: Path, decision: Decision, choice: Choice) -> list[Path]:
+def _write(base: Path, decision: Decision, choice: Choice, way: Floats) -> list[Path]:
     """The picture, and the rooms where some are predicted."""
     from layoutexplore.drawing.pictures import draw_decision
     from layoutexplore.files import write_atomically
@@ -145,7 +145,7 @@ def _write(base: Path, decision: Decision, choice: Choice) -> list[Path]:
 
     picture, rooms = (base.with_name(f"{base.name}{end}") for end in ("_frontiers.png", "_rooms.geojson"))
     target = choice if isinstance(choice, int) and choice >= 0 else None
-    write_atomically(picture, encode_png(draw_decision(decision, target=target)))
+    write_atomically(picture, encode_png(draw_decision(decision, target=target, way=way)))
     if decision.rooms is None:
         return [picture]
     write_atomically(rooms, (json.dumps(layout_to_geojson(decision.rooms.layout)) + "\n").encode())
@@ -160,23 +160,26 @@ def _print(found: dict[str, Any]) -> None:
     from layoutexplore.errors import counted
 
     console = plain_console()
-    columns = ("", "class", "sure", "m2 behind", "m2 in view", "m to go", "m long", "x", "y")
-    table = Table(*columns, box=None, pad_edge=False)
+    table = Table(box=None, pad_edge=False)
+    for name in ("", "class", "sure", "m2 behind", "m2 in view", "m to go", "m long", "x", "y"):
+        table.add_column(name, justify="left" if name == "class" else "right")
     for k, row in enumerate(found["frontiers"]):
-        told = row["closed"] is not None
+        judged = row["closed"] is not None
         table.add_row(
             f"{'>' if k == found['choice'] else ' '}{k:3}",
-            ("closed" if row["closed"] else "open") if told else "",
-            f"{100 * row['confidence']:.0f} %" if told else "",
-            f"{row['expected_area']:.1f}" if told else "",
+            ("closed" if row["closed"] else "open") if judged else "",
+            f"{100 * row['confidence']:.0f} %" if judged else "",
+            f"{row['expected_area']:.1f}" if judged else "",
             *(f"{row[name]:.1f}" for name in ("visible_area", "path_length", "size", "x", "y")),
         )
     x, y, theta = found["pose"]
     left = counted(len(found["frontiers"]), "frontier")
-    console.print(f"{found['map']}: {left} to look at from ({x:.2f}, {y:.2f}), heading {theta:.2f}")
+    told = f"{found['map']}: {left} to look at from ({x:.2f}, {y:.2f}), heading {theta:.2f}"
+    console.print(told, soft_wrap=True)
     if found["frontiers"]:
         console.print(table)
-    goal = "stops" if not found["way"] else "goes to ({:.2f}, {:.2f})".format(*found["way"][-1])
-    console.print(f"{found['agent']} {goal}")
+    goal = "goes to ({:.2f}, {:.2f})".format(*found["way"][-1]) if found["way"] else "stops"
+    then = ", where it looks around and decides anew" if found["way"] and found["choice"] is None else ""
+    console.print(f"{found['agent']} {goal}{then}")
     for path in found["written"]:
         console.print(f"wrote {path}", soft_wrap=True)

@@ -9,20 +9,21 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from layoutexplore.drawing import palette
-from layoutexplore.drawing.dashboard import draw_dashboard, put_text
+from layoutexplore.drawing.dashboard import draw_dashboard, put_text, text_width
 from layoutexplore.drawing.palette import Image
 from layoutexplore.drawing.room_fills import fills_of_rooms
+from layoutexplore.drawing.view import SHIFT, View
 from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
-from layoutexplore.grids.arrays import Bytes, Floats, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Floats, Mask
 from layoutexplore.grids.boxes import grown_box, known_box, true_box, union
 from layoutexplore.grids.grid import OCCUPIED, OccupancyGrid, Pose, in_cells
 from layoutexplore.grids.morphology import with_neighbours
@@ -37,9 +38,6 @@ if TYPE_CHECKING:
 _SCALE, _SIZE = Rule(kind=int, low=1, high=1000), Rule(kind=int, low=1, high=16_384, count=2)
 _WIDTH = Rule(kind=int, low=320, high=8192)
 _MOST_PIXELS = 300_000_000
-
-_SHIFT = 4
-"""OpenCV's fixed-point bits: shapes are placed to a sixteenth of a pixel."""
 
 _WALL_DEPTH = 0.3
 """Metres of solid ground beside free space that are drawn as wall; what lies farther in is left pale."""
@@ -126,7 +124,7 @@ def draw_state(
         raise ConfigError(f"a frame is at least 320 x 240 pixels, got {width} x {height}")
     bar = max(76, min(110, max(round(0.13 * height), round(0.09 * width))))
     decision = simulation.decision if frontiers else None
-    view = _View.fit(
+    view = View.fit(
         simulation.raster.shape, (width, height - bar), simulation.raster.resolution, simulation.raster.origin
     )
     floor = simulation.truth.target if truth else None
@@ -148,13 +146,16 @@ def draw_state(
 
 
 @checks_arguments
-def draw_decision(decision: Decision, *, width: int = 960, target: int | None = None) -> Image:
+def draw_decision(
+    decision: Decision, *, width: int = 960, target: int | None = None, way: Floats | None = None
+) -> Image:
     """A picture of a decision: the map, the predicted rest of rooms, the frontiers by class, way and robot.
 
     Args:
         decision: The decision, as of a `RobotMap` or of a simulation.
         width: In pixels; the height follows from the part of the map that is known or predicted.
         target: Index of the frontier the robot is about to go to; the path there is drawn.
+        way: float64 (n, 2), points (x, y) in metres of another way to draw, as from `RobotMap.way`.
 
     Returns:
         uint8 (height, width, 3) RGB.
@@ -168,72 +169,25 @@ def draw_decision(decision: Decision, *, width: int = 960, target: int | None = 
     wide = _WIDTH.convert("width", width)
     high = min(max(round(wide * shape[0] / shape[1]), wide // 3), 2 * wide)
     corner = Pose(*grid.cell_to_world(row0 - 0.5, col0 - 0.5), grid.origin.theta)
-    view = _View.fit(shape, (wide, high), grid.resolution, corner)
+    view = View.fit(shape, (wide, high), grid.resolution, corner)
     codes = _map_codes(grid, decision, view.scale, None)[row0:row1, col0:col1]
     image = view.place(_colours().take(codes, axis=0))
     if len(decision.track):
         _draw_track(image, view, decision.track)
-    _draw_choices(image, view, decision, target)
+    _draw_choices(image, view, decision, target, way)
     _draw_robot(image, view, decision.pose, decision.robot_radius)
-    if decision.rooms is not None:
-        _draw_legend(image)
-    return image
+    _draw_numbers(image, view, decision)
+    if decision.rooms is None:
+        return image
+    legend = np.full((max(45, round(0.055 * wide)), wide, 3), palette.CANVAS, np.uint8)
+    _draw_legend(legend)
+    return np.concatenate([legend, image])
 
 
 def _suitable_size(shape: tuple[int, int]) -> tuple[int, int]:
     """Width and height in even pixels (films need them even) for a map of (rows, cols) and a bar below."""
     high = round(960 * shape[0] / shape[1] / 0.87 / 2) * 2
     return 960, min(max(high, 480), 1080)
-
-
-@dataclass(frozen=True)
-class _View:
-    """Where the cells of a grid lie in a picture."""
-
-    shape: tuple[int, int]
-    size: tuple[int, int]
-    scale: float
-    left: float
-    top: float
-    resolution: float
-    origin: Pose
-
-    @classmethod
-    def fit(cls, shape: tuple[int, int], size: tuple[int, int], resolution: float, origin: Pose) -> _View:
-        """The largest view of a grid that fits into (width, height) pixels, with a narrow border."""
-        (rows, cols), (width, height) = shape, size
-        border = 0.012 * width
-        scale = min((width - 2 * border) / cols, (height - 2 * border) / rows)
-        return cls(
-            shape, size, scale, (width - cols * scale) / 2, (height - rows * scale) / 2, resolution, origin
-        )
-
-    def place(self, cells: Image) -> Image:
-        """The picture (height, width, 3) of cells (rows, cols, 3) in grid order, smoothly scaled."""
-        rows, cols = self.shape
-        whole = max(1, math.ceil(self.scale))
-        wide, high = max(1, round(cols * self.scale)), max(1, round(rows * self.scale))
-        large = cells[::-1].repeat(whole, axis=0).repeat(whole, axis=1) if whole > 1 else cells[::-1]
-        image = np.empty((self.size[1], self.size[0], 3), np.uint8)
-        image[:] = palette.CANVAS
-        top, left = round(self.top), round(self.left)
-        image[top : top + high, left : left + wide] = cv2.resize(
-            large, (wide, high), interpolation=cv2.INTER_AREA
-        )
-        return image
-
-    def pixels(self, points: Floats) -> Floats:
-        """Pixel coordinates (x right, y down) of world points (n, 2)."""
-        c, s = math.cos(self.origin.theta), math.sin(self.origin.theta)
-        away = points - np.array([self.origin.x, self.origin.y])
-        cells = away @ np.array([[c, -s], [s, c]]) / self.resolution
-        xs = self.left + self.scale * cells[:, 0]
-        ys = self.top + self.scale * (self.shape[0] - cells[:, 1])
-        return np.stack([xs, ys], axis=1)
-
-    def fixed(self, points: Floats) -> Ints32:
-        """The same in OpenCV's fixed-point form, shifted by half a pixel to pixel centres."""
-        return np.round((self.pixels(points) - 0.5) * (1 << _SHIFT)).astype(np.int32)
 
 
 def _colours() -> Image:
@@ -291,19 +245,19 @@ def _class_of(frontier: Frontier) -> int:
     return 0 if frontier.is_closed is None else 1 if frontier.is_closed else 2
 
 
-def _draw_region(image: Image, view: _View, simulation: Simulation) -> None:
+def _draw_region(image: Image, view: View, simulation: Simulation) -> None:
     """The outline of the region that is explored, if it is a part; what lies outside of it is paler."""
     if simulation.config.region is None:
         return
     corners = view.fixed(np.array(simulation.config.region, np.float64))
     outside = np.full(image.shape[:2], 255, np.uint8)
-    cv2.fillPoly(outside, [corners], 0, shift=_SHIFT)
+    cv2.fillPoly(outside, [corners], 0, shift=SHIFT)
     pale = outside > 0
     image[pale] = (image[pale].astype(np.uint16) + 2 * np.array(palette.CANVAS, np.uint16)) // 3
-    cv2.polylines(image, [corners], True, palette.GREY, 2, cv2.LINE_AA, _SHIFT)
+    cv2.polylines(image, [corners], True, palette.GREY, 2, cv2.LINE_AA, SHIFT)
 
 
-def _draw_sight(image: Image, view: _View, simulation: Simulation) -> None:
+def _draw_sight(image: Image, view: View, simulation: Simulation) -> None:
     """Tint what the lidar sees from where the robot is."""
     pose, lidar, raster = simulation.pose, simulation.lidar, simulation.raster
     if lidar.config.noisy:
@@ -319,41 +273,44 @@ def _draw_sight(image: Image, view: _View, simulation: Simulation) -> None:
     rim = np.stack([pose.x + ranges * np.cos(angles), pose.y + ranges * np.sin(angles)], axis=1)
     outline = rim if config.full_turn else np.concatenate([[[pose.x, pose.y]], rim])
     tint = image.copy()
-    cv2.fillPoly(tint, [view.fixed(outline).reshape(-1, 1, 2)], palette.SIGHT, cv2.LINE_AA, _SHIFT)
+    cv2.fillPoly(tint, [view.fixed(outline).reshape(-1, 1, 2)], palette.SIGHT, cv2.LINE_AA, SHIFT)
     cv2.addWeighted(tint, 0.22, image, 0.78, 0.0, dst=image)
 
 
-def _draw_track(image: Image, view: _View, track: Floats) -> None:
+def _draw_track(image: Image, view: View, track: Floats) -> None:
     """The path travelled, from pale to strong."""
     points = view.fixed(track[:, :2]).reshape(-1, 1, 2)
     borders = np.unique(np.linspace(0, len(points) - 1, 25).astype(int))
     for first, last in itertools.pairwise(borders.tolist()):
         colour = palette.mix(palette.TRACK_OLD, palette.TRACK_NEW, last / (len(points) - 1))
-        cv2.polylines(image, [points[first : last + 1]], False, colour, 2, cv2.LINE_AA, _SHIFT)
+        cv2.polylines(image, [points[first : last + 1]], False, colour, 2, cv2.LINE_AA, SHIFT)
 
 
-def _draw_choices(image: Image, view: _View, decision: Decision, target: int | None) -> None:
-    """Where the frontiers would be looked at from, and the path to the one that is gone to."""
-    if not decision.frontiers:
-        return
-    if target is not None:
+def _draw_choices(
+    image: Image, view: View, decision: Decision, target: int | None, way: Floats | None = None
+) -> None:
+    """Where the frontiers would be looked at from, and a way, or the path to the one that is gone to."""
+    if target is not None and decision.frontiers:
         Rule(kind=int, low=0, high=len(decision.frontiers) - 1).convert("target", target)
-        _draw_path(image, view, decision, target)
+        if way is None:
+            cells = descend(decision.distances, decision.traversable, decision.frontiers[target].viewpoint)
+            way = decision.grid.cells_to_world(cells)
+    if way is not None:
+        _draw_way(image, view, way)
     _draw_viewpoints(image, view, decision, target)
 
 
-def _draw_path(image: Image, view: _View, decision: Decision, target: int) -> None:
-    """The planned path to a frontier, dashed."""
-    cells = descend(decision.distances, decision.traversable, decision.frontiers[target].viewpoint)
-    points = view.fixed(decision.grid.cells_to_world(cells)).reshape(-1, 1, 2)
+def _draw_way(image: Image, view: View, way: Floats) -> None:
+    """The points float64 (n, 2) of a way, dashed."""
+    points = view.fixed(np.asarray(way, np.float64).reshape(-1, 2)).reshape(-1, 1, 2)
     dash = max(2, round(7 / view.scale))
     for first in range(0, len(points) - 1, 2 * dash):
         cv2.polylines(
-            image, [points[first : first + dash + 1]], False, palette.PLANNED, 2, cv2.LINE_AA, _SHIFT
+            image, [points[first : first + dash + 1]], False, palette.PLANNED, 2, cv2.LINE_AA, SHIFT
         )
 
 
-def _draw_viewpoints(image: Image, view: _View, decision: Decision, target: int | None) -> None:
+def _draw_viewpoints(image: Image, view: View, decision: Decision, target: int | None) -> None:
     """A ring where each frontier would be looked at from."""
     points = view.fixed(decision.grid.cells_to_world([frontier.viewpoint for frontier in decision.frontiers]))
     for k, (point, frontier) in enumerate(zip(points.tolist(), decision.frontiers, strict=True)):
@@ -361,26 +318,41 @@ def _draw_viewpoints(image: Image, view: _View, decision: Decision, target: int 
         _dot(image, point, 4.5, palette.PLANNED if k == target else colour)
 
 
-def _draw_robot(image: Image, view: _View, pose: Pose, radius: float) -> None:
+def _draw_numbers(image: Image, view: View, decision: Decision) -> None:
+    """The number of each frontier beside its ring, where there is room for it; those of the nearest first."""
+    height, taken = max(8, round(0.009 * image.shape[1])), np.zeros(image.shape[:2], np.bool_)
+    points = np.round(view.pixels(decision.grid.cells_to_world(decision.viewpoints))).astype(int).tolist()
+    for x, y in points:
+        taken[max(y - 6, 0) : y + 7, max(x - 6, 0) : x + 7] = True
+    for k, (x, y) in enumerate(points):
+        top, left = max(y - height // 2 - 2, 0), x + 7
+        box = slice(top, top + height + 4), slice(left, left + text_width(str(k), height) + 2)
+        if not taken[box].any():
+            taken[box] = True
+            image[box] = palette.FREE
+            put_text(image, str(k), left + 1, top + height + 2, height, palette.INK)
+
+
+def _draw_robot(image: Image, view: View, pose: Pose, radius: float) -> None:
     """An arrowhead in the direction of travel, at least large enough to be found."""
     size = max(11.0, 1.6 * radius / view.resolution * view.scale)
     angles = pose.theta - view.origin.theta + np.array([0.0, 2.5, math.pi, -2.5])
     reach = size * np.array([1.0, 0.95, 0.35, 0.95])
     tip = np.stack([np.cos(angles), -np.sin(angles)], axis=1) * reach[:, None]
     centre = view.pixels(np.array([[pose.x, pose.y]])) - 0.5
-    corners = np.round((centre + tip) * (1 << _SHIFT)).astype(np.int32).reshape(-1, 1, 2)
-    cv2.polylines(image, [corners], True, palette.WHITE, 5, cv2.LINE_AA, _SHIFT)
-    cv2.fillPoly(image, [corners], palette.ROBOT, cv2.LINE_AA, _SHIFT)
-    cv2.polylines(image, [corners], True, palette.INK, 1, cv2.LINE_AA, _SHIFT)
+    corners = np.round((centre + tip) * (1 << SHIFT)).astype(np.int32).reshape(-1, 1, 2)
+    cv2.polylines(image, [corners], True, palette.WHITE, 5, cv2.LINE_AA, SHIFT)
+    cv2.fillPoly(image, [corners], palette.ROBOT, cv2.LINE_AA, SHIFT)
+    cv2.polylines(image, [corners], True, palette.INK, 1, cv2.LINE_AA, SHIFT)
 
 
 def _dot(image: Image, point: list[int], radius: float, colour: palette.Colour) -> None:
     """A dot with a white rim at a fixed-point pixel position."""
     x, y = point
     cv2.circle(
-        image, (x, y), round((radius + 1.5) * (1 << _SHIFT)), palette.WHITE, cv2.FILLED, cv2.LINE_AA, _SHIFT
+        image, (x, y), round((radius + 1.5) * (1 << SHIFT)), palette.WHITE, cv2.FILLED, cv2.LINE_AA, SHIFT
     )
-    cv2.circle(image, (x, y), round(radius * (1 << _SHIFT)), colour, cv2.FILLED, cv2.LINE_AA, _SHIFT)
+    cv2.circle(image, (x, y), round(radius * (1 << SHIFT)), colour, cv2.FILLED, cv2.LINE_AA, SHIFT)
 
 
 def _draw_legend(image: Image) -> None:
@@ -391,6 +363,6 @@ def _draw_legend(image: Image) -> None:
         (palette.OPEN, "open"),
         (palette.PREDICTED, "predicted"),
     ):
-        _dot(image, [(left + height) << _SHIFT, 3 * height << _SHIFT], 0.6 * height, colour)
+        _dot(image, [(left + height) << SHIFT, 3 * height << SHIFT], 0.6 * height, colour)
         width = put_text(image, text, left + 2.5 * height, 3.5 * height, height, palette.FADED_INK)
         left += width + 5 * height

@@ -91,6 +91,8 @@ def _decoded(data: bytes) -> Any:
 
     as_stored, as_shown = cv2.IMREAD_UNCHANGED, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
     is_photo = data.startswith(b"\xff\xd8")
+    if data.startswith((b"P1", b"P2", b"P3")):
+        data += b"\n"  # OpenCV does not read the last number of a text that ends with it
     with _silent_opencv():
         try:
             return cv2.imdecode(np.frombuffer(data, np.uint8), as_shown if is_photo else as_stored)

@@ -241,12 +241,14 @@ def grow(seeds: Mask, free: Mask, steps: float) -> Mask:
         free: bool (rows, cols), where the way may lead; no corner is cut.
         steps: Distance in cells.
     """
-    return _grow(np.ascontiguousarray(seeds & free), np.ascontiguousarray(free), steps + 1e-4)
+    inside = np.ascontiguousarray(seeds & free)
+    edge = inside & with_neighbours(free & ~inside)
+    return _grow(inside, edge, np.ascontiguousarray(free), steps + 1e-4)
 
 
 @njit(cache=True, nogil=True)
-def _grow(seeds: Mask, free: Mask, limit: float) -> Mask:
-    """Label-correcting wave from all seeds at once: distances sink until no cell improves a neighbour."""
+def _grow(seeds: Mask, edge: Mask, free: Mask, limit: float) -> Mask:
+    """Label-correcting wave from the seeds' edge: distances sink until no cell improves a neighbour."""
     rows, cols = seeds.shape
     distance = np.full((rows, cols), np.inf, np.float32)
     queued = np.zeros((rows, cols), np.bool_)
@@ -258,6 +260,7 @@ def _grow(seeds: Mask, free: Mask, limit: float) -> Mask:
         for c in range(cols):
             if seeds[r, c]:
                 distance[r, c] = 0.0
+            if edge[r, c]:
                 front[size] = r * cols + c
                 size += 1
     while size:

@@ -214,6 +214,8 @@ def _find_image(path: Path, named: str, anywhere: bool) -> Path:
     YAML then stands for it.
     """
     image = path.parent / named
+    if not is_file(image):  # it may be written as on Windows
+        image = path.parent / named.replace("\\", "/")
     home = Path(os.path.abspath(path.parent))  # noqa: PTH100 - links are followed by those who set them
     inside = Path(os.path.abspath(image)).is_relative_to(home)  # noqa: PTH100
     if (inside or anywhere) and is_file(image):
@@ -242,7 +244,8 @@ def images_of(path: str | os.PathLike[str]) -> tuple[Path, ...]:
     named = str(data.get("image") or "") if isinstance(data, dict) else ""
     if not 0 < len(named.encode(errors="replace")) <= _LONGEST_NAME or "\0" in named:
         return ()
-    return path.parent / named, path.parent / Path(named.replace("\\", "/")).name
+    plain = named.replace("\\", "/")
+    return path.parent / named, path.parent / plain, path.parent / Path(plain).name
 
 
 def _parse(path: Path, image_anywhere: bool) -> _RosMap:

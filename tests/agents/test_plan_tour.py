@@ -16,11 +16,12 @@ from layoutexplore.frontiers.decision import Decision, Truth, Walk
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.frontiers.viewpoints import remaining_share
 from layoutexplore.grids.arrays import Cells
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Pose
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import load_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import OraclePredictor, make_predictor
+from layoutexplore.predictors.robot_map import RobotMap
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 from tests.plans import offices
 
@@ -243,3 +244,34 @@ def test_the_robot_walks_no_farther_than_it_has_to_see() -> None:
                 assert left < simulation.config.gone_share
                 shortened += 1
     assert shortened > 0
+
+
+class Hall:
+    """Foresees floor wherever nothing is known, on any map."""
+
+    name = "hall"
+
+    def predict(self, decision: Decision) -> Decision:
+        """The decision with foresight."""
+        foresight = Foresight(
+            cells=np.zeros(decision.grid.shape, np.int8),
+            room_ids=np.zeros(decision.grid.shape, np.int32),
+            confidence=0.9,
+            predictor=self.name,
+            resolution=decision.grid.resolution,
+        )
+        return dataclasses.replace(decision, foresee=lambda: foresight)
+
+
+def test_on_a_map_with_another_frame_it_begins_anew() -> None:
+    """The map of a robot of one's own grows: cells that were remembered are other ones now."""
+    agent, fresh, robot_map = make_agent("plan-tour"), make_agent("plan-tour"), RobotMap(Hall())
+    agent.reset(0)
+    fresh.reset(0)
+    cells, here = np.full((60, 80), UNKNOWN, np.int8), Pose(2.0, 2.0)
+    cells[5:55, 5:40] = FREE
+    agent.act(robot_map.decide(OccupancyGrid(cells, 0.1), here))
+    wider = np.pad(cells, ((0, 200), (30, 0)), constant_values=UNKNOWN)
+    decision = robot_map.decide(OccupancyGrid(wider, 0.1, Pose(-3.0, 0.0)), here)
+    choice, expected = agent.act(decision), fresh.act(decision)
+    np.testing.assert_array_equal(robot_map.way(decision, choice), robot_map.way(decision, expected))

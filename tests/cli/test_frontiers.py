@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app
-from layoutexplore.errors import ConfigError, StartError
+from layoutexplore.errors import ConfigError, MapError, StartError
 from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.maps.library import load_plan
 from layoutexplore.simulation.config import SimulationConfig
@@ -63,6 +63,23 @@ def test_its_table_has_a_row_a_frontier(half_seen: tuple[Path, str]) -> None:
     assert "None" not in text  # without a predictor nothing is told of classes
 
 
+def test_what_is_said_is_not_broken_into_short_lines(half_seen: tuple[Path, str], tmp_path: Path) -> None:
+    path, here = half_seen
+    long = tmp_path / f"{'long' * 20}.yaml"
+    long.write_text(path.read_text())
+    (tmp_path / path.with_suffix(".pgm").name).write_bytes(path.with_suffix(".pgm").read_bytes())
+    text = call(str(long), "--at", here, "--agent", "watchful-tour")
+    assert f"{long}: " in text and text.rstrip().endswith("where it looks around and decides anew")
+
+
+def test_the_way_of_an_agent_that_plans_its_own_is_drawn(half_seen: tuple[Path, str], tmp_path: Path) -> None:
+    pictures = []
+    for agent in ("watchful-tour:step=2.0", "watchful-tour:step=0.2"):
+        call(str(half_seen[0]), "--at", half_seen[1], "--agent", agent, "--out", str(tmp_path))
+        pictures.append(cv2.imread(str(tmp_path / "half_frontiers.png")))
+    assert (pictures[0] != pictures[1]).any()
+
+
 def test_without_a_place_the_robot_is_where_most_floor_is_clear(half_seen: tuple[Path, str]) -> None:
     assert json.loads(call(str(half_seen[0]), "--json"))["frontiers"]
 
@@ -73,5 +90,9 @@ def test_what_makes_no_sense_is_refused(half_seen: tuple[Path, str]) -> None:
         call(path, "--at", here, "--agent", "clairvoyant")
     with pytest.raises(ConfigError, match="--at needs"):
         call(path, "--at", "here")
+    with pytest.raises(MapError, match="brings its own"):
+        call(path, "--resolution", "0.1")
+    with pytest.raises(MapError, match="floor plan"):
+        call("floor.geojson")
     with pytest.raises(StartError, match="not on its map"):
         call(path, "--at", "1000,0")

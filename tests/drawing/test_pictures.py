@@ -16,12 +16,14 @@ from layoutexplore.drawing import palette
 from layoutexplore.drawing import pictures as picture
 from layoutexplore.drawing.dashboard import put_text, text_width
 from layoutexplore.drawing.pictures import draw_decision, draw_grid, draw_plan, draw_state
+from layoutexplore.drawing.view import View
 from layoutexplore.envs.viewer import draw_text
 from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.predictors import make_predictor
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise
@@ -159,9 +161,21 @@ def test_a_decision_is_drawn_in_the_frame_of_its_map(plan: FloorPlan) -> None:
         draw_decision(decision, width=10)
 
 
+def test_nothing_is_written_over_the_map_of_a_decision(plan: FloorPlan) -> None:
+    simulation = Simulation(plan, SimulationConfig(sensor="short"), make_predictor("oracle"))
+    simulation.reset(seed=1)
+    decision = simulation.decision
+    image = draw_decision(decision, width=700)
+    legend, below = image[:45], image[45:]
+    assert count(legend, palette.CLOSED) > 30 and count(legend, palette.OPEN) > 30
+    assert not count(legend, palette.WALL) and (below[:5] == palette.CANVAS).all()
+    way = np.array([(1.5, 1.5), (2.0, 1.5), (2.5, 1.5), (3.0, 1.5)])
+    assert count(draw_decision(decision, width=700, way=way), palette.PLANNED) > count(image, palette.PLANNED)
+
+
 def test_cells_land_where_their_coordinates_do(plan: FloorPlan) -> None:
     raster = plan.rasterize(0.1)
-    view = picture._View.fit(raster.shape, (900, 700), raster.resolution, raster.origin)
+    view = View.fit(raster.shape, (900, 700), raster.resolution, raster.origin)
     cells = np.zeros((*raster.shape, 3), np.uint8)
     row, col = raster.world_to_cell(3.05, 2.05)
     cells[row, col] = 255
@@ -173,7 +187,7 @@ def test_cells_land_where_their_coordinates_do(plan: FloorPlan) -> None:
 
 def test_the_robot_points_where_it_heads(plan: FloorPlan) -> None:
     raster = plan.rasterize(0.1)
-    view = picture._View.fit(raster.shape, (900, 700), raster.resolution, raster.origin)
+    view = View.fit(raster.shape, (900, 700), raster.resolution, raster.origin)
     x, y = view.pixels(np.array([[4.0, 2.0]]))[0]
     for theta, (dx, dy) in (
         (0.0, (1, 0)),

@@ -59,3 +59,9 @@ def test_headers_of_blanks_and_remarks_take_no_time() -> None:
     assert declared_size(b"P5" + b" " * 4000 + b"x") is None
     assert declared_size(b"P5" + b"#\n" * 1000 + b"x") is None
     assert declared_size(b"P5 # a\n # b\r\n\t3 # c\n2 255 ") == (3, 2)
+
+
+@pytest.mark.parametrize("end", [b"", b"\n"])
+def test_a_text_of_grey_levels_may_end_with_its_last_number(tmp_path: Path, end: bytes) -> None:
+    (tmp_path / "map.pgm").write_bytes(b"P2\n3 1\n255\n0 205 254" + end)
+    assert read_pixels(tmp_path / "map.pgm").tolist() == [[0, 205, 254]]

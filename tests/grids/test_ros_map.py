@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError, MapWarning
 from layoutexplore.grids.grid import OccupancyGrid, Pose
-from layoutexplore.grids.ros_map import grid_from_image, load_grid, save_grid
+from layoutexplore.grids.ros_map import grid_from_image, images_of, load_grid, save_grid
 
 TRINARY = arrays(
     np.int8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([-1, 0, 100])
@@ -383,3 +383,16 @@ def test_fine_scans_are_read_as_coarse_ones(courtyard: bool) -> None:
     fine = image.repeat(25, 0).repeat(25, 1)
     cells = grid_from_image(fine, 0.3 / 25).cells
     assert (cells == coarse.repeat(25, 0).repeat(25, 1)).mean() > 0.995
+
+
+def test_a_folder_written_as_on_windows_is_found(tmp_path: Path) -> None:
+    save_grid(OccupancyGrid(np.array([[0, 100]], np.int8), 0.1), tmp_path / "map.yaml")
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "map.pgm").rename(tmp_path / "maps" / "map.pgm")
+    text = (tmp_path / "map.yaml").read_text()
+    (tmp_path / "map.yaml").write_text(text.replace("map.pgm", r"maps\map.pgm"))
+    assert load_grid(tmp_path / "map.yaml").cells.tolist() == [[0, 100]]
+    assert tmp_path / "maps" / "map.pgm" in images_of(tmp_path / "map.yaml")
+    (tmp_path / "map.yaml").write_text(text.replace("map.pgm", r"..\map.pgm"))
+    with pytest.raises(MapError, match="another folder"):
+        load_grid(tmp_path / "map.yaml")

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutexplore.grids.grid import OccupancyGrid
-from layoutexplore.importing.cleaning import without_noise
+from layoutexplore.grids.grid import OccupancyGrid, in_cells
+from layoutexplore.grids.morphology import grow, opened_by_box
+from layoutexplore.importing.cleaning import HOLE_AREA, HOLLOW, RAY_WIDTH, SPECK_AREA, without_noise
 
 
 def room() -> np.ndarray:
@@ -70,3 +73,49 @@ def test_a_mirrored_map_is_cleaned_alike() -> None:
             without_noise(OccupancyGrid(np.ascontiguousarray(c), 0.05)).cells for c in (cells, cells[:, ::-1])
         )
         assert np.array_equal(clean, mirrored[:, ::-1])
+
+
+def slow_parts(mask: np.ndarray, connectivity: int) -> list[np.ndarray]:
+    count, parts = cv2.connectedComponents(mask.astype(np.uint8), connectivity=connectivity)
+    return [parts == k for k in range(1, count)]
+
+
+def slow_clean(cells: np.ndarray, resolution: float) -> np.ndarray:
+    """The same part by part, with masks of the whole grid."""
+
+    def small(mask: np.ndarray, area: float, connectivity: int) -> np.ndarray:
+        few = [p for p in slow_parts(mask, connectivity) if p.sum() <= area / resolution**2]
+        return np.any([np.zeros_like(mask), *few], axis=0)
+
+    def touching(parts: np.ndarray, other: np.ndarray, least: float) -> np.ndarray:
+        chosen = np.zeros_like(parts)
+        for part in slow_parts(parts, 4):
+            around = (cv2.dilate(part.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0) & ~parts
+            chosen |= part & bool((around & other).sum() > least * max(around.sum(), 1))
+        return chosen
+
+    occupied, free = cells == 100, cells == 0
+    specks = small(occupied, SPECK_AREA, 8)
+    free = free | touching(specks, free, 0.0)
+    occupied = occupied & ~specks
+    holes = small(~free & ~occupied, HOLE_AREA, 4)
+    free |= holes & ~touching(holes, occupied, HOLLOW)
+    wide = opened_by_box(free, *[in_cells(RAY_WIDTH, resolution)] * 2)
+    if wide.any():
+        free = grow(wide, free, RAY_WIDTH / resolution)
+    return np.select([occupied, free], [100, 0], -1)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_it_does_what_is_done_part_by_part(seed: int) -> None:
+    """Also where much around the map is unknown, or its known cells lie at an edge."""
+    rng = np.random.default_rng(seed)
+    resolution = float(rng.choice([0.03, 0.05, 0.1, 0.5]))
+    cells = np.full(rng.integers(1, 90, 2), -1, np.int8)
+    top, left = (int(rng.integers(0, size)) for size in cells.shape)
+    part = cells[top : top + 60, left : left + 60]
+    coarse = rng.choice([-1, 0, 0, 0, 100], (20, 20)).repeat(3, axis=0).repeat(3, axis=1)
+    part[:] = coarse[: part.shape[0], : part.shape[1]]
+    part[rng.random(part.shape) < 0.1] = rng.choice([-1, 0, 50, 100])
+    cleaned = without_noise(OccupancyGrid(cells, resolution)).cells
+    assert np.array_equal(cleaned, slow_clean(cells, resolution))

@@ -9,7 +9,7 @@ import pytest
 
 from layoutexplore.agents import make_agent
 from layoutexplore.errors import ConfigError, MapError, StartError, UnknownNameError
-from layoutexplore.frontiers.decision import STOP, Decision
+from layoutexplore.frontiers.decision import STOP, Decision, Walk
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.maps.library import load_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -142,6 +142,90 @@ def test_what_was_given_up_is_not_offered_again() -> None:
         robot_map.give_up(decision, 5)
 
 
+@pytest.mark.parametrize("away", [0.01, 0.05, -0.04])
+def test_what_was_given_up_stays_so_where_the_map_moves_or_changes_by_a_cell(away: float) -> None:
+    robot_map, here, grid = RobotMap("none"), Pose(1.0, 1.0), opening()
+    robot_map.give_up(robot_map.decide(grid, here), 0)
+    moved = OccupancyGrid(grid.cells.copy(), 0.1, Pose(away, away))
+    assert not robot_map.decide(moved, here).frontiers
+    grid.cells[15:25, 38] = -1
+    assert not robot_map.decide(grid, here).frontiers
+
+
+@pytest.mark.parametrize("x", [0.85, 0.72, 0.65, 0.55])
+def test_a_robot_to_whom_the_map_leaves_no_room_gets_out(x: float) -> None:
+    """It stands beside a wall, the map is a cell off: that does not end an exploration."""
+    grid = opening()
+    grid.cells[18:22, 5:6] = 100  # in the wall, too
+    robot_map, here = RobotMap("none"), Pose(x, 2.0)
+    decision = robot_map.decide(grid, here)
+    way = robot_map.way(decision, 0)
+    assert math.hypot(*(way[0] - here[:2])) < 0.1
+    assert np.hypot(*np.diff(way, axis=0).T).max() < 0.15
+    path = decision.field.path_to(decision.frontiers[0].viewpoint)
+    np.testing.assert_allclose(robot_map.way(decision, path), way)  # an agent that plans its own way
+
+
+def test_a_robot_without_room_within_a_metre_is_told() -> None:
+    grid = opening()
+    with pytest.raises(StartError, match=r"no room at \(5.5, 2\)"):
+        RobotMap("none").decide(grid, Pose(5.5, 2.0))
+    robot_map = RobotMap("none")
+    robot_map.decide(grid, Pose(1.0, 1.0))
+    grown = opening()
+    grown.cells[15:25, 39:45] = 0
+    with pytest.raises(StartError):
+        robot_map.decide(grown, Pose(5.8, 2.0))
+    # What has changed in the meantime is not lost.
+    found = robot_map.decide(grown, Pose(1.0, 1.0))
+    assert numbers(found) == numbers(RobotMap("none").decide(grown, Pose(1.0, 1.0)))
+
+
+def test_ways_that_agents_plan_are_followed_as_in_a_simulation() -> None:
+    robot_map, here = RobotMap("none"), Pose(1.0, 1.0)
+    decision = robot_map.decide(opening(), here)
+    robot_map.way(decision, 0)
+    path = decision.field.path_to(decision.frontiers[0].viewpoint)[:4]
+    assert len(robot_map.way(decision, Walk(path, decision.frontiers[0].cells))) == 4
+    assert len(robot_map.way(decision, np.array(0))) > 4  # the number of a policy
+    assert len(robot_map.way(decision, path)) == 4
+    later = robot_map.decide(opening(), here)
+    assert later.goal is None  # it was sent along a path, and to no frontier
+    for wrong in (path[1:], path[::2], path.astype(float), path[:0]):
+        with pytest.raises(ConfigError, match="path"):
+            robot_map.way(later, wrong)
+    with pytest.raises(ConfigError, match="no longer the last"):
+        robot_map.way(decision, path)
+    assert later.goal is None
+
+
+def test_the_frame_stays_while_the_map_grows_by_whole_cells() -> None:
+    """Else all would be found anew whenever SLAM widens its map, and agents would forget what they know."""
+    simulation = run()
+    simulation.reset(seed=3)
+    grid, robot_map = copied(simulation.mapper.grid), RobotMap("layout")
+    rows, cols = (np.flatnonzero((grid.cells >= 0).any(axis=k)) for k in (1, 0))
+    places = set()
+    for k in range(6):
+        row, col = max(rows[0] - 3 * k, 0), max(cols[0] - 2 * k, 0)
+        part = grid.cells[row : rows[-1] + k, col : cols[-1] + k].copy()
+        # ROS's messages have the resolution rounded to 32 bits, but not the origin.
+        corner = grid.cell_to_world(row - 0.5, col - 0.5)
+        seen = OccupancyGrid(part, float(np.float32(grid.resolution)), Pose(*corner))
+        decision = robot_map.decide(seen, simulation.pose)
+        assert numbers(decision) == numbers(RobotMap("layout").decide(seen, simulation.pose))
+        places.add((decision.grid.shape, decision.grid.origin))
+    assert len(places) == 2  # one more after the first, with more of a margin
+
+
+def test_a_map_that_has_not_changed_is_not_looked_at_again() -> None:
+    grid, robot_map = opening(), RobotMap("layout")
+    first = robot_map.decide(grid, Pose(1.0, 1.0))
+    second = robot_map.decide(copied(grid), Pose(1.5, 1.0))
+    assert second.grid is first.grid
+    assert numbers(second) == numbers(RobotMap("layout").decide(grid, Pose(1.5, 1.0)))
+
+
 def test_probabilities_count_as_ros_counts_them() -> None:
     grid = opening()
     cells = np.select([grid.cells == 0, grid.cells == 100], [10, 80], -1).astype(np.int8)
@@ -158,6 +242,10 @@ def test_what_cannot_be_is_refused() -> None:
         robot_map.decide(grid, Pose(math.nan, 1.0))
     with pytest.raises(MapError, match="no cell"):
         robot_map.decide(OccupancyGrid(np.full((5, 5), -1, np.int8), 0.1), Pose(0.2, 0.2))
+    costs = grid.cells.copy()
+    costs[20, 20] = -2  # 254 of a costmap, as int8
+    with pytest.raises(MapError, match=r"cell \(20, 20\) holds -2"):
+        robot_map.decide(OccupancyGrid(costs, 0.1), Pose(1.0, 1.0))
     with pytest.raises(UnknownNameError):
         RobotMap("layuot")
     with pytest.raises(UnknownNameError):
@@ -165,3 +253,12 @@ def test_what_cannot_be_is_refused() -> None:
     with pytest.raises(ConfigError, match="robot_radius"):
         RobotMap(robot_radius=0.0)
     assert robot_map.decide(grid, Pose(1.0, 1.0)).frontiers  # as if nothing had been asked
+
+
+@pytest.mark.parametrize("resolution", [0.03, 0.25, 1.0, 3.0])
+def test_cells_may_be_small_or_large(resolution: float) -> None:
+    grid = OccupancyGrid(opening().cells, resolution)
+    here = Pose(*grid.cell_to_world(12, 12))
+    decision = RobotMap("layout", robot_radius=1e-3).decide(grid, here)
+    assert len(decision.frontiers) == 1 and decision.rooms is not None
+    assert decision.rooms.labels.max() > 0

@@ -126,9 +126,9 @@ class FeatureCache(ByThread):
         fresh = np.flatnonzero(old < 0)
         features, frames, touched = self._features[old], self._frames[old], self._touched[old]
         if len(fresh):
-            sight, end, door, unit = (round(v / resolution) for v in (SIGHT, NEAR_END, NEAR_DOOR, UNIT))
-            depths = np.array([in_cells(d, resolution) for d in DEPTHS], np.int64)
-            lengths = Lengths(sight, end, door, unit, depths)
+            sight, end, door = (round(v / resolution) for v in (SIGHT, NEAR_END, NEAR_DOOR))
+            unit, *depths = (in_cells(length, resolution) for length in (UNIT, *DEPTHS))
+            lengths = Lengths(sight, end, door, unit, np.array(depths, np.int64))
             barriers = np.array(list(BARRIERS.values()), np.int64)
             found = np.zeros((len(fresh), len(LOCAL_FEATURES)), np.float32)
             self._make_room(clusters, fresh, int(depths[-1]), bit_map.code.shape[1])
