@@ -77,7 +77,7 @@ class Rule:
         return f"{what} {bounds}".replace(" ,", ",").rstrip()
 
     def convert(self, name: str, value: Any) -> Any:
-        """The value, NumPy's numbers as Python's own and a list as a tuple.
+        """The value, NumPy's numbers as Python's own, a list or an array of one dimension as a tuple.
 
         Raises:
             ConfigError: The value is not allowed; the message begins with the option's name.
@@ -87,6 +87,8 @@ class Rule:
         if self.count is None:
             good = self._allows(value)
         else:
+            if isinstance(value, np.ndarray) and value.ndim == 1:
+                value = value.tolist()
             good = isinstance(value, (tuple, list)) and self.count in (-1, len(value))
             good = good and all(map(self._allows, value))
         if not good:

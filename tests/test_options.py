@@ -84,6 +84,7 @@ def test_a_rule_after_an_example() -> None:
     assert rule_like(2.0).convert("x", 3) == 3
     assert rule_like(None).convert("x", None) is None
     assert rule_like((1.0, 2.0)).convert("x", [np.int64(3), 4.5]) == (3, 4.5)
+    assert rule_like((1.0, 2.0)).convert("x", np.array([3.0, 4.5], np.float32)) == (3.0, 4.5)
     assert rule_like(["a"]).convert("x", ()) == ()
     for example, wrong in (
         (2, 2.0),
@@ -91,6 +92,8 @@ def test_a_rule_after_an_example() -> None:
         (False, 0),
         ("a", 1),
         ((1, 2), (1, 2, 3)),
+        ((1, 2), np.array([1, 2, 3])),
+        ((1, 2), np.array([[1, 2]])),
         (["a"], [1]),
         ({}, 3),
     ):
