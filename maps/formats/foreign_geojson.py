@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -109,11 +109,7 @@ def load_foreign_geojson(
     metadata = {"format": "GeoJSON of another program"}
     if unit is not None:
         metadata["scale"] = f"{unit:g} m a unit (as given)"
-    for name in (columns or {}).values():
-        if not any(name in part.properties for part in parts):
-            tables = {id(part.properties): part.properties for part in parts}  # parts of a feature share one
-            there = ", ".join(sorted({k for table in tables.values() for k in table}))[:1000]
-            raise ConfigError(f"{path}: no feature has the property {name!r}; there are: {there}")
+    _check_columns((columns or {}).values(), parts, path)
     if floor := [part.geometry for part in parts if part.kind in FLOOR_KINDS]:
         check_outlines(str(path), floor)
         whole = [polygon for part in floor for polygon in mended(part, dropped)]
@@ -139,6 +135,15 @@ def load_foreign_geojson(
     )
     _tell_overlaps(outlines, path)  # with numbers of rooms and pairs that are within the limits
     return plan
+
+
+def _check_columns(columns: Iterable[str], parts: Sequence[_Part], path: Path) -> None:
+    """Raise a `ConfigError` where no feature has one of the properties that were named."""
+    for name in columns:
+        if not any(name in part.properties for part in parts):
+            tables = {id(part.properties): part.properties for part in parts}  # parts of a feature share one
+            there = ", ".join(sorted({k for table in tables.values() for k in table}))[:1000]
+            raise ConfigError(f"{path}: no feature has the property {name!r}; there are: {there}")
 
 
 @checks_arguments
