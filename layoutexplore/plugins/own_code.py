@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
-from importlib.util import decode_source, find_spec, spec_from_file_location
+from importlib.util import cache_from_source, decode_source, find_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
@@ -287,11 +287,19 @@ def _run(place: str, function: Callable[[], None]) -> None:
 
 
 def _forget(path: Path) -> None:
-    """Let a module beside a changed file be imported anew."""
+    """Let a module beside a changed file be imported anew, from its text.
+
+    What Python keeps of it compiled is told from another text of that length by the second of its writing.
+    """
+    kept = {cache_from_source(path)}
     for name, module in list(sys.modules.items()):
         file = getattr(module, "__file__", None)
         if isinstance(file, str) and file.endswith(path.name) and path in names_of(Path(file)):
             del sys.modules[name]
+            kept.add(cache_from_source(file))
+    for compiled in kept:
+        with contextlib.suppress(OSError):
+            Path(compiled).unlink()
 
 
 @contextlib.contextmanager

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
 from layoutexplore.agents import make_agent
@@ -103,8 +104,9 @@ def test_what_is_wrong_with_a_decision_is_told(agent: str, change: dict[str, Any
 
 def test_predictors_tell_what_is_wrong_with_a_decision() -> None:
     made = decide("R....", (0, 4, 1.0, 2.0))
-    with pytest.raises(ConfigError, match="frontier 0 that is beside no unknown cell"):
-        make_predictor("learned").predict(made)  # type: ignore[union-attr]
+    beyond = dataclasses.replace(made.frontiers[0], cells=np.array([[0, 7]], np.int32))
+    with pytest.raises(ConfigError, match="frontier 0 without cells, or with some outside of the grid"):
+        make_predictor("learned").predict(dataclasses.replace(made, frontiers=(beyond,)))  # type: ignore[union-attr]
     with pytest.raises(ConfigError, match="knows no plan yet"):
         make_predictor("oracle").predict(made)  # type: ignore[union-attr]
 

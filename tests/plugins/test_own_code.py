@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -166,6 +167,18 @@ def test_what_is_no_python_and_what_imports_itself_is_read_all_the_same(tmp_path
         "beside_b.py",
         "beside_broken.py",
     }
+
+
+def test_a_module_that_is_edited_within_a_second_is_read_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python tells compiled code from a text of the same length by that second."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    path = write(tmp_path, "from beside_edited import SIZE\nVALUE = SIZE")
+    for size in (1, 2):
+        os.utime(write(tmp_path, f"SIZE = {size}", "beside_edited.py"), (1e9, 1e9))
+        assert reference(path).load() == size
+    assert list(tmp_path.glob("__pycache__/beside_edited*"))
 
 
 @pytest.mark.parametrize("name", ["linked_part.py", "linked_package"])

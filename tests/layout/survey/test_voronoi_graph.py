@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from scipy.spatial import Voronoi
+from scipy.spatial import Voronoi, cKDTree
 
 from layoutexplore.layout.survey.voronoi_graph import contour_cells, critical_points, voronoi_edges
 
@@ -20,10 +20,11 @@ def test_the_voronoi_graph_has_the_edges_of_the_diagram(free: np.ndarray) -> Non
         return
     diagram = Voronoi(sites.astype(float))
     pairs = np.array([pair for pair in diagram.ridge_vertices if min(pair) >= 0], np.int64).reshape(-1, 2)
-    ends = diagram.vertices[np.unique(pairs)].round(4)
-    inside = ends[(ends >= 0).all(axis=1) & (ends < free.shape).all(axis=1)]
+    ends = diagram.vertices[np.unique(pairs)]
+    # an end on the border lies on either side of it
+    inside = ends[(ends > 1e-6).all(axis=1) & (ends < np.array(free.shape) - 1e-6).all(axis=1)]
     edges = voronoi_edges(sites, free.shape).reshape(-1, 2)
-    assert {tuple(end) for end in inside.tolist()} <= {tuple(end) for end in edges.round(4).tolist()}
+    assert len(inside) == 0 or cKDTree(edges).query(inside)[0].max() < 1e-6
 
 
 def slow_critical_points(graph: np.ndarray, distance: np.ndarray, neighbourhood: int) -> list[list[int]]:
