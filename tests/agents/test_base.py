@@ -105,8 +105,9 @@ def test_what_is_wrong_with_a_decision_is_told(agent: str, change: dict[str, Any
 def test_predictors_tell_what_is_wrong_with_a_decision() -> None:
     made = decide("R....", (0, 4, 1.0, 2.0))
     beyond = dataclasses.replace(made.frontiers[0], cells=np.array([[0, 7]], np.int32))
+    away = dataclasses.replace(made, frontiers=(beyond,))
     with pytest.raises(ConfigError, match="frontier 0 without cells, or with some outside of the grid"):
-        make_predictor("learned").predict(dataclasses.replace(made, frontiers=(beyond,)))  # type: ignore[union-attr]
+        make_predictor("learned").predict(away)  # type: ignore[union-attr]
     with pytest.raises(ConfigError, match="knows no plan yet"):
         make_predictor("oracle").predict(made)  # type: ignore[union-attr]
 
