@@ -9,32 +9,64 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from layoutexplore.errors import checks_making
+from layoutexplore.errors import ConfigError, checks_making
+from layoutexplore.frontiers.detection import check_grid
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32
 from layoutexplore.grids.boxes import Box
+from layoutexplore.grids.grid import check_resolution
 from layoutexplore.grids.rays import ray_frame
+
+
+def visible_unknown_area(
+    cells: Cells, viewpoints: Ints32, resolution: float, range_max: float, rays: int = 120
+) -> Floats:
+    """Unknown area that rays from viewpoints would cross, through unknown and free cells alike.
+
+    Equally spaced rays leave the viewpoint's centre and end at an occupied cell, at the range or at the edge
+    of the grid. A run of unknown cells from distance a to b on a ray stands for the piece of ring that
+    the ray's share of the full turn cuts out there: (b^2 - a^2) * pi / rays.
+
+    Args:
+        cells: int8 (rows, cols).
+        viewpoints: int32 (n, 2) as (row, col), inside the grid.
+        resolution: Side of a cell in metres.
+        range_max: How far to look, in metres.
+        rays: Number of rays.
+
+    Returns:
+        float64 (n,) in square metres.
+
+    Raises:
+        ConfigError: A viewpoint lies outside of the grid, or range or rays are not above 0.
+
+    Example:
+        >>> cells = np.full((101, 101), -1, np.int8)
+        >>> area = visible_unknown_area(cells, np.array([[50, 50]], np.int32), 0.1, 3.0)
+        >>> area.round(1).tolist()  # pi * 3.0 ** 2
+        [28.3]
+    """
+    cells = check_grid(cells)
+    check_resolution(resolution)
+    if not (math.isfinite(range_max) and range_max > 0 and rays >= 1):
+        raise ConfigError(f"range_max and rays must be above 0, got {range_max} and {rays}")
+    points = np.ascontiguousarray(np.asarray(viewpoints).reshape(-1, 2), np.int32)
+    if points.size and ((points < 0).any() or (points >= cells.shape).any()):
+        raise ConfigError(f"a viewpoint lies outside of the grid of shape {cells.shape}")
+    view = VisibleUnknownArea(cells.shape, resolution, range_max, rays)
+    return view.areas(cells, points, (0, 0, 0, 0))
 
 
 @checks_making
 class VisibleUnknownArea:
-    """Unknown area that rays from places would cross, through unknown and free cells alike.
+    """The visible unknown area of places, as `visible_unknown_area` has it, on a grid that changes.
 
-    Equally spaced rays leave the place's centre and end at an occupied cell, at the range or at the edge of
-    the grid. A run of unknown cells from distance a to b on a ray stands for the piece of ring that the ray's
-    share of the full turn cuts out there: (b^2 - a^2) * pi / rays. The rays read cells of a small box around
-    their place: as long as nothing in it changes, the area is kept.
+    The rays from a place read cells of a small box. As long as nothing in it changes, the area is kept.
 
     Args:
         shape: (rows, cols) of the grid.
         resolution: Side of a cell in metres.
         range_max: How far to look, in metres.
         rays: Number of rays.
-
-    Example:
-        >>> view = VisibleUnknownArea((101, 101), 0.1, 3.0, 120)
-        >>> cells, middle = np.full((101, 101), -1, np.int8), np.array([[50, 50]], np.int32)
-        >>> view.areas(cells, middle, (0, 0, 0, 0)).round(1).tolist()  # pi * 3.0 ** 2
-        [28.3]
     """
 
     def __init__(self, shape: tuple[int, ...], resolution: float, range_max: float, rays: int) -> None:

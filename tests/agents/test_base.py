@@ -14,7 +14,7 @@ from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Nearest, NearestOptions
 from layoutexplore.errors import ConfigError, UnknownNameError
 from layoutexplore.frontiers.decision import STOP, Decision
-from layoutexplore.predictors import make_predictor
+from layoutexplore.predictors import learned, make_predictor
 from tests.agents.cases import decide
 
 
@@ -102,12 +102,20 @@ def test_what_is_wrong_with_a_decision_is_told(agent: str, change: dict[str, Any
         make_agent(agent).act(dataclasses.replace(made, **change))
 
 
-def test_predictors_tell_what_is_wrong_with_a_decision() -> None:
+def test_predictors_tell_what_is_wrong_with_a_decision(monkeypatch: pytest.MonkeyPatch) -> None:
     made = decide("R....", (0, 4, 1.0, 2.0))
     beyond = dataclasses.replace(made.frontiers[0], cells=np.array([[0, 7]], np.int32))
     away = dataclasses.replace(made, frontiers=(beyond,))
     with pytest.raises(ConfigError, match="frontier 0 without cells, or with some outside of the grid"):
         make_predictor("learned").predict(away)  # type: ignore[union-attr]
+
+    def fail(*_: object) -> None:
+        raise IndexError("as kernels do that find nothing unknown")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(learned, "score_frontiers", fail)
+        with pytest.raises(ConfigError, match="frontier 0 that is beside no unknown cell"):
+            make_predictor("learned").predict(made)  # type: ignore[union-attr]
     with pytest.raises(ConfigError, match="knows no plan yet"):
         make_predictor("oracle").predict(made)  # type: ignore[union-attr]
 

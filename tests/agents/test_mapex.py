@@ -14,7 +14,7 @@ from layoutexplore.agents.mapex import expected_new_area, probability_open
 from layoutexplore.benchmark.counterfactual import without_layout
 from layoutexplore.benchmark.rows import prepare
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.frontiers.visible_area import VisibleUnknownArea, ray_table
+from layoutexplore.frontiers.visible_area import ray_table, visible_unknown_area
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play
@@ -91,8 +91,7 @@ def test_certainty_is_the_visible_area_and_doubt_is_less() -> None:
         return expected_new_area(cells, inside, points, np.full(3, hope), resolution=0.1, reach=2.5, fade=1.0)
 
     sure = area(1.0, 0.0)
-    in_view = VisibleUnknownArea(cells.shape, 0.1, 2.5, 120).areas(cells, points, (0, 0, 0, 0))
-    assert sure == pytest.approx(in_view, rel=1e-9)
+    assert sure == pytest.approx(visible_unknown_area(cells, points, 0.1, 2.5, 120), rel=1e-9)
     assert area(0.5, 0.0) == pytest.approx(sure / 2, rel=1e-6)
     assert (area(0.5, 0.9) > area(0.5, 0.0)).any() and (area(0.5, 0.9) <= sure + 1e-9).all()
     assert (area(0.0, 0.0) == 0).all()

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.frontiers.detection import FrontierClusters, FrontierDetector, find_frontiers
-from layoutexplore.frontiers.visible_area import VisibleUnknownArea
+from layoutexplore.frontiers.visible_area import VisibleUnknownArea, visible_unknown_area
 
 
 def random_cells(seed: int, shape: tuple[int, int], unknown: float = 0.3) -> NDArray[np.int8]:
@@ -81,28 +81,23 @@ def test_a_snake_is_one_cluster() -> None:
     assert as_lists(find_frontiers(cells)) == slow_frontiers(cells)
 
 
-def area_in_view(
-    cells: NDArray[np.int8], places: NDArray[np.int32], reach: float, rays: int
-) -> NDArray[np.float64]:
-    """Of places on a grid with cells of 0.1 m that is seen for the first time."""
-    return VisibleUnknownArea(cells.shape, 0.1, reach, rays).areas(cells, places, (0, 0, 0, 0))
-
-
 def test_an_open_plain_is_seen_whole() -> None:
     cells = np.full((201, 201), -1, np.int8)
     middle = np.array([[100, 100]], np.int32)
-    assert np.isclose(area_in_view(cells, middle, 8.0, 120)[0], math.pi * 64.0)
+    assert np.isclose(visible_unknown_area(cells, middle, 0.1, 8.0, 120)[0], math.pi * 64.0)
     # Free cells are looked through and do not count: a free disc of 4 m leaves the ring.
     r, c = np.indices(cells.shape) - 100
     cells[np.hypot(r, c) < 40] = 0
-    assert np.isclose(area_in_view(cells, middle, 8.0, 120)[0], math.pi * (64.0 - 16.0), rtol=0.02)
+    assert np.isclose(
+        visible_unknown_area(cells, middle, 0.1, 8.0, 120)[0], math.pi * (64.0 - 16.0), rtol=0.02
+    )
 
 
 def test_a_wall_hides_what_is_behind() -> None:
     cells = np.full((201, 201), -1, np.int8)
     cells[:, 110] = 100
     cells[100, 100] = 0
-    area = area_in_view(cells, np.array([[100, 100]], np.int32), 8.0, 720)[0]
+    area = visible_unknown_area(cells, np.array([[100, 100]], np.int32), 0.1, 8.0, 720)[0]
     # The wall's face lies at 0.95 m: the disc less the segment beyond it.
     d, radius = 0.95, 8.0
     segment = radius**2 * math.acos(d / radius) - d * math.sqrt(radius**2 - d**2)
@@ -128,7 +123,7 @@ def slow_area(cells: NDArray[np.int8], row: int, col: int, reach: float, rays: i
 def test_area_is_that_of_small_steps(seed: int, reach: float, rays: int) -> None:
     cells = random_cells(seed, (20, 24))
     points = np.random.default_rng(seed).integers(0, 20, (3, 2)).astype(np.int32)
-    areas = area_in_view(cells, points, reach * 0.1, rays)
+    areas = visible_unknown_area(cells, points, 0.1, reach * 0.1, rays)
     for area, (row, col) in zip(areas, points, strict=True):
         assert math.isclose(area / 0.01, slow_area(cells, row, col, reach, rays), rel_tol=0.03, abs_tol=0.5)
 
@@ -139,7 +134,13 @@ def test_bad_input_is_refused() -> None:
         find_frontiers(cells.astype(np.int32))  # type: ignore[arg-type]
     with pytest.raises(MapError, match=r"shape \(3, 3\)"):
         FrontierDetector((3, 3)).update(cells, (0, 4, 0, 5))
-    assert area_in_view(cells, np.empty((0, 2), np.int32), 1.0, 120).shape == (0,)
+    for wrong in (np.array([[4, 0]]), np.array([[0, -1]])):
+        with pytest.raises(ConfigError, match="outside"):
+            visible_unknown_area(cells, wrong.astype(np.int32), 0.1, 1.0)
+    for range_max, rays in ((0.0, 10), (math.nan, 10), (1.0, 0)):
+        with pytest.raises(ConfigError, match="above 0"):
+            visible_unknown_area(cells, np.zeros((1, 2), np.int32), 0.1, range_max, rays)
+    assert visible_unknown_area(cells, np.empty((0, 2), np.int32), 0.1, 1.0).shape == (0,)
 
 
 @settings(max_examples=60, deadline=None)
@@ -154,7 +155,7 @@ def test_areas_that_are_kept_are_those_anew(seed: int, reach: float, rays: int) 
     for _ in range(8):
         places = every[rng.integers(12, size=rng.integers(0, 9))]
         areas = view.areas(cells, places, box)
-        np.testing.assert_array_equal(areas, area_in_view(cells, places, reach, rays))
+        np.testing.assert_array_equal(areas, visible_unknown_area(cells, places, 0.1, reach, rays))
         row, col = int(rng.integers(27)), int(rng.integers(37))
         box = (row, row + 3, col, col + 3) if rng.random() < 0.8 else (0, 0, 0, 0)
         cells[box[0] : box[1], box[2] : box[3]] = rng.choice(
