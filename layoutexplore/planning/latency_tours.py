@@ -78,6 +78,19 @@ def _prepared(
     return np.minimum(np.asarray(distances, np.float64), UNCONNECTED), shares
 
 
+def latency_cost(
+    distances: NDArray[np.floating],
+    weights: NDArray[np.floating],
+    order: NDArray[np.integer],
+    patience: float = 1.0,
+) -> float:
+    """The cost of a tour from place 0 over places int (n,) in this order, as `latency_tour` counts it."""
+    matrix, shares = _prepared(distances, weights, len(distances) - 1)
+    tour = np.concatenate([[0], order]).astype(np.int64)
+    times = np.concatenate([[0.0], np.cumsum(matrix[tour[:-1], tour[1:]])])
+    return float(shares[tour] @ times + patience * times[-1])
+
+
 @njit(cache=True, nogil=True)
 def _greedy(distances: Floats, shares: Floats) -> Ints:
     """int64 (n + 1,): from place 0 always on to where the most weight waits per metre."""

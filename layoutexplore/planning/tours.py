@@ -64,6 +64,12 @@ def improve_tour(distances: NDArray[np.floating], order: NDArray[np.integer]) ->
     return tour[1:]
 
 
+def tour_length(distances: NDArray[np.floating], order: NDArray[np.integer]) -> float:
+    """Length in metres of the tour from place 0 through the places in this order."""
+    tour = np.concatenate([[0], order]).astype(np.int64)
+    return float(np.asarray(distances, np.float64)[tour[:-1], tour[1:]].sum())
+
+
 def _checked(distances: NDArray[np.floating]) -> Floats:
     """The matrix as contiguous float64; unconnected pairs become longer than any tour over connected ones."""
     matrix = np.array(distances, np.float64, order="C")

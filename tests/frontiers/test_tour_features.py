@@ -24,7 +24,7 @@ from layoutexplore.frontiers.tour_features import (
 )
 from layoutexplore.grids.grid import Cell
 from layoutexplore.planning.latency_tours import latency_tour
-from tests.planning.cases import tour_length
+from layoutexplore.planning.tours import tour_length
 
 
 def frontier(x: float, size: float = 2.0, closed: bool | None = None, area: float | None = None) -> Frontier:

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.planning.latency_tours import latency_tour
-from layoutexplore.planning.tours import open_tour
-from tests.planning.cases import tour_length
+from layoutexplore.planning.latency_tours import latency_cost, latency_tour
+from layoutexplore.planning.tours import open_tour, tour_length
 
 seeds = st.integers(0, 100_000)
 patiences = st.sampled_from([0.0, 0.3, 1.0, 5.0])
@@ -66,16 +65,29 @@ def test_small_tours_are_close_to_the_best(seed: int, count: int, patience: floa
     )
 
 
-def test_without_weights_all_places_count_alike_and_what_is_out_of_reach_comes_last() -> None:
+@given(seed=seeds, count=st.integers(1, 12), patience=patiences)
+@settings(max_examples=40, deadline=None)
+def test_the_cost_is_that_of_walking(seed: int, count: int, patience: float) -> None:
+    distances, weights = case(seed, count)
+    weights = weights + 0.1
+    order = np.random.default_rng(seed).permutation(count) + 1
+    assert latency_cost(distances, weights, order, patience) == pytest.approx(
+        slow_cost(distances, weights, order, patience)
+    )
+
+
+def test_the_cost_is_what_the_tour_is_chosen_by() -> None:
     position = np.array([0.0, 7.0, -1.0, 3.0])
-    distances = abs(position[:, None] - position)
-    for weights in (np.ones(3), np.zeros(3)):
-        assert latency_tour(distances, weights).tolist() == [2, 3, 1]
+    distances, order = abs(position[:, None] - position), np.array([2, 3, 1])
+    alike = latency_cost(distances, np.ones(3), order)
+    assert latency_cost(distances, np.zeros(3), order) == alike == pytest.approx((1 + 5 + 9) / 3 + 9)
+    assert latency_tour(distances, np.zeros(3)).tolist() == order.tolist()
     apart = np.array([[0, 5, np.inf], [5, 0, np.inf], [np.inf, np.inf, 0]])
-    assert latency_tour(apart, np.array([1.0, 0.0])).tolist() == [1, 2]
-    assert latency_tour(np.zeros((1, 1)), np.empty(0)).tolist() == []
+    costs = [latency_cost(apart, np.array([1.0, 0.0]), np.array(tour)) for tour in ([1, 2], [2, 1])]
+    assert np.isfinite(costs).all() and costs[0] < costs[1]
+    assert latency_cost(np.zeros((1, 1)), np.empty(0), np.empty(0)) == 0.0
     with pytest.raises(ConfigError, match="finite weights"):
-        latency_tour(distances, np.ones(2))
+        latency_cost(distances, np.ones(2), order)
 
 
 def test_patience_makes_tours_short_and_impatience_goes_where_much_is() -> None:

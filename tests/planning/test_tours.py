@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.planning.tours import improve_tour, open_tour
-from tests.planning.cases import tour_length
+from layoutexplore.planning.tours import improve_tour, open_tour, tour_length
 
 seeds = st.integers(0, 100_000)
 
