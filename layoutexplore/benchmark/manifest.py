@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
 import shlex
 import tomllib
@@ -85,6 +86,13 @@ def agents_that_know(manifest: Mapping[str, Any]) -> frozenset[str]:
     """
     noted = manifest.get("knows_the_plan")
     return frozenset(filter(knows_the_plan, manifest["agents"]) if noted is None else noted)
+
+
+@checks_arguments
+def planned_runs(manifest: Mapping[str, Any]) -> int:
+    """Number of runs that the floor plans, starts, sensors and agents of a folder make."""
+    lists = (manifest[name] for name in ("plans", "sensors", "agents"))
+    return int(manifest["starts"]) * math.prod(map(len, lists))
 
 
 def changed_models(old: dict[str, Any], new: dict[str, Any]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import operator
+import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -263,6 +264,15 @@ def _rounded(row: Row) -> Row:
 
 COLUMNS = tuple(f.name for f in dataclasses.fields(Row))
 """Those of results.csv."""
+
+
+def column_meanings() -> list[tuple[str, str]]:
+    """Name and meaning of the columns of results.csv, from the documentation of `Row`."""
+    text = (Row.__doc__ or "").split("Attributes:")[1]
+    entries = re.sub(r"\n {12,}", " ", text).strip().splitlines()  # an entry that goes on is indented further
+    pairs = (line.strip().split(": ", 1) for line in entries)
+    return [(name, meaning) for name, meaning in pairs]
+
 
 _CONVERTERS: dict[str, Callable[[str], Any]] = {
     "int": lambda text: _bounded(int(text)),

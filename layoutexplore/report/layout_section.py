@@ -75,6 +75,23 @@ class StopPlot:
     limit: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class LayoutSection:
+    """What is shown about layouts; each is empty where there is nothing.
+
+    Attributes:
+        effects: By group of runs, a line an agent with a predictor.
+        effect_levels: The levels of coverage at which effects are shown.
+        decisive: Decisions in which the layout changed the choice and most was at stake.
+        stops: By sensor, strategies that stop by themselves.
+    """
+
+    effects: dict[str, list[EffectLine]]
+    effect_levels: tuple[str, ...]
+    decisive: list[DecisionPicture]
+    stops: dict[str, tuple[StopPlot, list[EarlyStop]]]
+
+
 def layout_section(
     folder: ResultsFolder,
     rows: Sequence[Row],
@@ -83,11 +100,8 @@ def layout_section(
     curves: Curves,
     looks: Mapping[str, Look],
     knowing: Collection[str],
-) -> dict[str, Any]:
-    """What the templates show about layouts: `effects` by group at levels, `decisive` and `stops`.
-
-    Each empty where there is nothing.
-    """
+) -> LayoutSection:
+    """What the templates show about layouts."""
     effects = layout_effects(rows, folder.log)
     by_group: dict[str, list[EffectLine]] = {}
     for effect in effects:
@@ -102,12 +116,12 @@ def layout_section(
     tried = tried_stops(rows, baseline, best, curves, noted) if best else []
     for stop in (*early_stops(rows, baseline, curves), *tried):
         stops.setdefault(stop.sensor, []).append(stop)
-    return {
-        "effects": by_group,
-        "effect_levels": measured_levels(rows)[-2:],
-        "decisive": _decisive(folder, rows, best),
-        "stops": {name: (stop_plot(found, looks), found) for name, found in stops.items()},
-    }
+    return LayoutSection(
+        effects=by_group,
+        effect_levels=measured_levels(rows)[-2:],
+        decisive=_decisive(folder, rows, best),
+        stops={name: (stop_plot(found, looks), found) for name, found in stops.items()},
+    )
 
 
 def _best(lines: Sequence[EffectLine], rows: Sequence[Row]) -> str:

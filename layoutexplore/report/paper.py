@@ -10,13 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from layoutexplore.benchmark.analysis import METRICS, Comparison, compare, groups, pooled_curves
+from layoutexplore.benchmark.analysis import METRICS, Comparison, groups, pooled_curves
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.labels import label_places
 from layoutexplore.errors import checks_arguments, require
 from layoutexplore.files import atomic, safe_name, write_atomically
-from layoutexplore.report.benchmark import report_view
+from layoutexplore.report.benchmark_view import BenchmarkView
 from layoutexplore.report.plots import Look
 from layoutexplore.report.profiles import FARTHEST, share_within
 from layoutexplore.report.templates import interval, number, percent
@@ -65,38 +65,30 @@ def write_paper(folder: ResultsFolder, out: Path, *, baseline: str | None = None
         ResultsError: The folder holds no benchmark, or is damaged.
     """
     require("matplotlib", "paper")
-    manifest = folder.manifest()
-    rows = sorted(folder.rows(), key=lambda row: row.key)
-    baseline = baseline or str(manifest["baseline"])
-    comparisons = compare(rows, baseline)
-    view = report_view(folder, rows, manifest, baseline, comparisons)
+    view = BenchmarkView.of(folder, baseline)
     written = [path for table in tables_of(view) for path in _write_table(table, out)]
-    for name, part in groups(rows).items():
-        mine = [c for c in comparisons if c.sensor == name]
-        curves = pooled_curves(part, baseline, folder.curve)
-        unit = f"{baseline} {view['scale']}".replace("\N{NO-BREAK SPACE}", " ")
+    unit = f"{view.baseline} {view.scale}".replace("\N{NO-BREAK SPACE}", " ")
+    for name, part in groups(view.rows).items():
+        mine = [c for c in view.comparisons if c.sensor == name]
+        curves = pooled_curves(part, view.baseline, view.curves)
         if mine:
-            written += _save(_draw_ratios(mine, baseline, view["level"]), out / f"ratios-{safe_name(name)}")
+            written += _save(_draw_ratios(mine, view.baseline, view.level), out / f"ratios-{safe_name(name)}")
         if curves:
-            chart = _draw_curves(curves, view["looks"], unit)
+            chart = _draw_curves(curves, view.looks, unit)
             written += _save(chart, out / f"coverage-{safe_name(name)}")
-    if view["profile"]:
-        written += _save(_draw_profiles(view["profile"]), out / "profiles")
-    for name, (plot, _) in view["stops"].items():
+    if view.profile:
+        written += _save(_draw_profiles(view.profile), out / "profiles")
+    for name, (plot, _) in view.layouts.stops.items():
         written += _save(_draw_stops(plot), out / f"stops-{safe_name(name)}")
     return written
 
 
-def tables_of(view: Mapping[str, Any]) -> list[Table]:
-    """The tables of a report, as text.
-
-    Args:
-        view: What `layoutexplore.report.benchmark.report_view` gives.
-    """
+def tables_of(view: BenchmarkView) -> list[Table]:
+    """The tables of a report, as text."""
     levels = tuple(f"to {m[1:]} %" for m in METRICS)
     found = []
     header: tuple[str, ...]
-    for group in view["groups"]:
+    for group in view.groups:
         lines = [
             (
                 _named(line.agent, line),
@@ -109,17 +101,17 @@ def tables_of(view: Mapping[str, Any]) -> list[Table]:
         found.append(
             Table(f"ratios-{safe_name(group.name)}", ("agent", *levels, "reached 99 %", "runs"), lines)
         )
-    order = view["order"]
+    order = view.order
     plans = [
         (line.plan, line.sensor, number(line.area, 0), *(number(line.metres.get(a), 0) for a in order))
-        for line in view["plans"]
+        for line in view.plans
     ]
     found.append(Table("plans", ("floor plan", "sensor", "m²", *order), plans))
     header = ("agent", "seen", "rooms finished", "walked twice", "decisions", "ms a decision", "seconds")
-    first = view["groups"][:1]
+    first = view.groups[:1]
     found += [Table("behaviour", header, [_behaviour(line) for line in group.table]) for group in first]
     header = ("agent", "choices changed", "true rooms would", "ms a prediction")
-    for name, lines in view["effects"].items():
+    for name, effects in view.layouts.effects.items():
         body = [
             (
                 _named(line.effect.agent, line),
@@ -127,11 +119,11 @@ def tables_of(view: Mapping[str, Any]) -> list[Table]:
                 percent(line.effect.misled.estimate),
                 number(line.effect.prediction_ms, 1),
             )
-            for line in lines
+            for line in effects
         ]
         found.append(Table(f"layout-{safe_name(name)}", header, body))
     header = ("agent", "metres saved", "points lost", "lost more than 2")
-    for name, (_, stops) in view["stops"].items():
+    for name, (_, stops) in view.layouts.stops.items():
         body = [
             (s.agent, interval(s.saved), number(100 * s.lost.estimate, 1), percent(s.too_early))
             for s in stops

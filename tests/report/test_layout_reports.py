@@ -12,6 +12,7 @@ import re
 import shutil
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -40,7 +41,7 @@ from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.report.benchmark import write_benchmark_report
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
 from layoutexplore.report.layout_section import layout_section, stop_plot
-from layoutexplore.report.partial_rooms import Gallery, draw_room, write_partial_rooms_report
+from layoutexplore.report.studies.partial_rooms import Gallery, draw_room, write_partial_rooms_report
 from layoutexplore.report.templates import render
 from layoutexplore.training.snapshots import explore_plan
 from tests.plans import OFFICES
@@ -167,10 +168,10 @@ def test_moments_are_those_of_the_agent_that_is_best_where_runs_were_ended(
         rows.append(dataclasses.replace(row, distance=metres, reached99=False, **levels))
     comparisons = compare(rows, "nearest")
     section = layout_section(folder, rows, comparisons, "nearest", folder.curve, {}, ())
-    assert {picture.row.agent for picture in section["decisive"]} == {FLIPPED}
-    assert section["effect_levels"] == measured and not section["stops"]
-    view = {"baseline": "nearest", "pooled": "", "replay": None, **section}
-    html = render("layout_section.html", **view).replace("\N{NO-BREAK SPACE}", " ")
+    assert {picture.row.agent for picture in section.decisive} == {FLIPPED}
+    assert section.effect_levels == measured and not section.stops
+    view = SimpleNamespace(baseline="nearest", pooled="", replay=None, layouts=section)
+    html = render("layout_section.html", view=view).replace("\N{NO-BREAK SPACE}", " ")
     assert ("metres to 90 %,<br>of nearest" in html) == bool(measured) and "metres to 95 %" not in html
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -61,9 +62,9 @@ def test_runs_without_one_of_the_baseline_are_compared_with_nothing(tmp_path: Pa
 def test_the_page_has_it_and_others_do_not(tmp_path: Path) -> None:
     folder, rows = folder_of(tmp_path, {"a": 0.8})
     lines = prior_section(folder, rows, "nearest", {})
-    page = render("prior_section.html", beliefs=lines, baseline="nearest")
+    page = render("prior_section.html", view=SimpleNamespace(beliefs=lines, baseline="nearest"))
     assert AGENT in page and page.count("data:image/png") == 2 and page.count("<path") == 2
-    assert "Plans known" not in render("prior_section.html", beliefs=[], baseline="nearest")
+    assert "Plans known" not in render("prior_section.html", view=SimpleNamespace(beliefs=[]))
     assert prior_section(folder, [rows[0]], "nearest", {}) == []
 
 

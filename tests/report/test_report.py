@@ -27,7 +27,8 @@ from layoutexplore.errors import ResultsError
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
-from layoutexplore.report.benchmark import headline, report_view, write_benchmark_report
+from layoutexplore.report.benchmark import headline, write_benchmark_report
+from layoutexplore.report.benchmark_view import BenchmarkView
 from layoutexplore.report.templates import TEMPLATES, interval, render
 from tests.plans import HOUSE
 from tests.report.cases import many_runs
@@ -140,7 +141,7 @@ def test_every_way_to_write_a_colour_is_found() -> None:
 
 WITH_COLOURS = [
     path
-    for path in sorted(TEMPLATES.glob("*.[hcj][ts][ms]*"))
+    for path in sorted(TEMPLATES.rglob("*.[hcj][ts][ms]*"))
     if colours_in(path.read_text(encoding="utf-8"))
 ]
 
@@ -170,11 +171,22 @@ def test_an_agent_has_one_colour_and_a_label_at_its_end(folder: ResultsFolder) -
     assert html.count('<text class="bar"') == html.count("<figure><svg") == 6  # a scale bar a map
 
 
+def view_of(folder: ResultsFolder, rows: list[Row]) -> BenchmarkView:
+    """Some rows of a folder, compared with nearest."""
+    return BenchmarkView(
+        folder=folder,
+        rows=rows,
+        manifest=folder.manifest(),
+        baseline="nearest",
+        comparisons=compare(rows, "nearest"),
+    )
+
+
 def test_the_documentation_has_every_column(folder: ResultsFolder) -> None:
     text = (PAGES / "how-to" / "reading-results.md").read_text(encoding="utf-8")
-    view = report_view(folder, folder.rows(), folder.manifest(), "nearest", [])
-    assert [name for name, _ in view["columns"]] == list(COLUMNS)
-    for name, meaning in view["columns"]:
+    view = view_of(folder, folder.rows())
+    assert [name for name, _ in view.columns] == list(COLUMNS)
+    for name, meaning in view.columns:
         assert f"| `{name}` | {meaning} |" in text
     summary = write_benchmark_report(folder)[2].read_text().splitlines()[0].split(",")
     assert all(
@@ -191,8 +203,9 @@ def test_names_are_text_in_markdown(folder: ResultsFolder) -> None:
     ]
     rows[0] = dataclasses.replace(rows[0], error="Boom: <img>\n## no heading")
     small = [row for row in rows if row.agent != odd and not row.error]
-    view = report_view(folder, small, folder.manifest(), "nearest", compare(rows, "nearest"))
-    text = render("benchmark.md", **{**view, "failed": [dataclasses.replace(rows[0], agent=odd)]})
+    failed = dataclasses.replace(rows[0], agent=odd)
+    view = dataclasses.replace(view_of(folder, [*small, failed]), comparisons=compare(rows, "nearest"))
+    text = render("benchmark.md", view=view)
     assert "<" not in text and "\n## no heading" not in text
     assert r"a\|b &lt;script&gt;alert(1)&lt;/script&gt; \[x\](javascript:y)" in text
     assert "layoutexplore benchmark --starts 1" in text
@@ -272,16 +285,16 @@ def test_the_headline_says_no_more_than_is_known(
         (row.agent, row.plan): 10.0 * (of_plan[row.plan] if row.agent == "random" else 1) for row in rows
     }
     rows = [dataclasses.replace(row, d95=metres[row.agent, row.plan]) for row in rows]
-    view = report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
-    doubted = "may be chance" in view["verdict"]
-    assert view["best"].agent == "random" and said in view["verdict"].replace("\N{NO-BREAK SPACE}", " ")
+    view = view_of(folder, rows)
+    doubted = "may be chance" in view.verdict
+    assert view.best.agent == "random" and said in view.verdict.replace("\N{NO-BREAK SPACE}", " ")
     assert doubted == (min(factors) < 1 < max(factors))
 
 
 def test_two_floors_of_one_building_prove_nothing(folder: ResultsFolder) -> None:
     rows = [dataclasses.replace(row, building="tower") for row in folder.rows()]
-    view = report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
-    assert view["counts"]["floor plans"] == 2 and "in one building, which proves nothing" in view["verdict"]
+    view = view_of(folder, rows)
+    assert view.counts["floor plans"] == 2 and "in one building, which proves nothing" in view.verdict
 
 
 def test_runs_ended_below_95_percent_are_ranked_at_90(folder: ResultsFolder) -> None:
@@ -296,21 +309,21 @@ def test_runs_ended_below_95_percent_are_ranked_at_90(folder: ResultsFolder) -> 
     )
     assert [line[0] for line in table[1:]] == [c.agent for c in ranked]
     assert all("(" in line[1] and line[2:4] == ("–", "–") and line[5] == "–" for line in table[1:])
-    view = report_view(folder, rows, folder.manifest(), "nearest", comparisons)
-    assert view["best"].metric == "d90" and "to see 90\N{NO-BREAK SPACE}% of a floor" in view["verdict"]
-    assert [line.agent for line in view["groups"][0].table] == [c.agent for c in ranked]
-    text, html = (render(name, **view) for name in ("benchmark.md", "benchmark.html"))
+    view = view_of(folder, rows)
+    assert view.best.metric == "d90" and "to see 90\N{NO-BREAK SPACE}% of a floor" in view.verdict
+    assert [line.agent for line in view.groups[0].table] == [c.agent for c in ranked]
+    text, html = (render(name, view=view) for name in ("benchmark.md", "benchmark.html"))
     assert "| 100 / – / – % |" in text and "buildings equal, 90 %" in text
     assert "Metres to 90 % by floor plan" in text
     html = html.replace("\N{NO-BREAK SPACE}", " ")
     assert 'title="to 90 %: ' in html and 'title="to 95 %: ' not in html
     assert "metres of nearest to 90 %" in html and "m to 90 %" in html and "95 % not reached" not in html
     never = [dataclasses.replace(row, d90=math.nan, d95=math.nan) for row in rows]
-    view = report_view(folder, never, folder.manifest(), "nearest", compare(never, "nearest"))
-    html = render("benchmark.html", **view).replace("\N{NO-BREAK SPACE}", " ")
-    assert "Runs were ended below 90 %, so there is nothing to compare with" in html and not view["best"]
+    view = view_of(folder, never)
+    html = render("benchmark.html", view=view).replace("\N{NO-BREAK SPACE}", " ")
+    assert "Runs were ended below 90 %, so there is nothing to compare with" in html and not view.best
     assert "read 95 % and 99 % together" not in html and "<th>in all</th>" in html
-    (line, *_) = view["groups"][0].table
+    (line, *_) = view.groups[0].table
     assert f"<td>{line.agent}</td><td>–</td><td>–</td><td>–</td><td>{line.distance:.1f}</td>" in html
     table = headline(never, "nearest", [])
     assert table[0][-1] == "in all" and (line.agent, "–", "–", "–", f"{line.distance:.1f}") in table
@@ -329,11 +342,11 @@ def test_agents_that_ran_other_cells_do_not_pass_for_equal(folder: ResultsFolder
                 "clairvoyant": "4",
                 "random": "2",
             }
-        view = report_view(folder, chosen, folder.manifest(), "nearest", comparisons)
-        html, text = (render(name, **view) for name in ("benchmark.html", "benchmark.md"))
+        view = view_of(folder, chosen)
+        html, text = (render(name, view=view) for name in ("benchmark.html", "benchmark.md"))
         assert ("Every agent ran the same cells" in html) != apart
         assert ("Mean over 2 to 4 cells" if apart else "Mean over 4 cells") in html
-        assert ("Not all agents ran the same cells" in view["verdict"]) == apart
+        assert ("Not all agents ran the same cells" in view.verdict) == apart
         for page in (html, text):
             assert f"buildings behind each: {'1 to 2' if apart else '2'}." in page
             assert ("random ran 2 of the 4 cells: its ratios are of those." in page) == apart
@@ -364,17 +377,15 @@ def test_failed_runs_are_listed(folder: ResultsFolder) -> None:
         **{f: getattr(rows[0], f) for f in ("plan", "start", "sensor", "agent", "seed")},
         error="Boom: <b>no</b>",
     )
-    html = render(
-        "benchmark.html", **report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
-    )
+    html = render("benchmark.html", view=view_of(folder, rows))
     assert "Failed runs" in html and "Boom: &lt;b&gt;no&lt;/b&gt;" in html and "<b>1</b>failed" in html
 
 
 def test_nothing_ended_well(folder: ResultsFolder) -> None:
     rows = [dataclasses.replace(row, error="Boom: no") for row in folder.rows()]
-    view = report_view(folder, rows, folder.manifest(), "nearest", compare(rows, "nearest"))
-    assert "No run has ended well" in render("benchmark.html", **view)
-    assert "Boom: no" in render("benchmark.md", **view)
+    view = view_of(folder, rows)
+    assert "No run has ended well" in render("benchmark.html", view=view)
+    assert "Boom: no" in render("benchmark.md", view=view)
     assert headline(rows, "nearest", []) == [("agent",)]
 
 

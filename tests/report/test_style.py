@@ -32,7 +32,7 @@ def test_a_dark_page_has_every_colour_of_a_light_one(style: str) -> None:
     dark = set(re.findall(r"--([\w-]+): ", block(style, "(prefers-color-scheme: dark)")))
     assert {"ink", "paper", "ground", "blue", "orange"} <= dark <= light
     assert light - dark == {"faint"}, "lines within figures, which a dark page turns with them"
-    templates = style + "".join(path.read_text() for path in TEMPLATES.glob("*.html"))
+    templates = style + "".join(path.read_text() for path in TEMPLATES.rglob("*.html"))
     used = set(re.findall(r"var\(--([\w-]+)\)", templates))
     assert used <= set(re.findall(r"--([\w-]+): ", templates))
 

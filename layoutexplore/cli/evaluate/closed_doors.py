@@ -66,7 +66,7 @@ def closed_doors(
     )
     from layoutexplore.maps.closed_door_maps import find_triples
     from layoutexplore.processes import command_line
-    from layoutexplore.report.closed_doors import write_closed_doors_report
+    from layoutexplore.report.studies.closed_doors import write_closed_doors_report
 
     for option, given in (("--plans", plans), ("--cache", cache)):
         if given and not folds:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from layoutexplore.evaluation.in_the_loop import LoopScore
     from layoutexplore.maps.floorplan import FloorPlan
     from layoutexplore.predictors.protocol import RoomPredictor
-    from layoutexplore.report.in_the_loop import BelievedRooms
+    from layoutexplore.report.studies.in_the_loop import BelievedRooms
 
 PREDICTORS = (
     "none",
@@ -64,7 +64,7 @@ def in_the_loop(
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
     from layoutexplore.maps.library import cached_plan, find_plans
     from layoutexplore.processes import command_line
-    from layoutexplore.report.in_the_loop import write_in_the_loop_report
+    from layoutexplore.report.studies.in_the_loop import write_in_the_loop_report
 
     require("jinja2", "bench")
     check_places(out)
@@ -105,7 +105,7 @@ def _believed(
     """Pictures of what predictors believe in one exploration."""
     from layoutexplore.agents import make_agent
     from layoutexplore.frontiers.decision import Privileged
-    from layoutexplore.report.in_the_loop import BelievedRooms, draw_believed_rooms
+    from layoutexplore.report.studies.in_the_loop import BelievedRooms, draw_believed_rooms
     from layoutexplore.training.explorations import PROTOCOL_AGENT
     from layoutexplore.training.snapshots import explore_plan
 

@@ -87,7 +87,7 @@ def partial_rooms(
     from layoutexplore.maps.library import find_plans, load_plan
     from layoutexplore.predictors import predictor_names
     from layoutexplore.processes import command_line
-    from layoutexplore.report.partial_rooms import Gallery, write_partial_rooms_report
+    from layoutexplore.report.studies.partial_rooms import Gallery, write_partial_rooms_report
     from layoutexplore.training.explorations import protocol_explorations
 
     if out is not None:

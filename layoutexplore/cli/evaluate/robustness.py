@@ -56,7 +56,7 @@ def robustness(
     from layoutexplore.evaluation.robustness import agents_under_noise, chosen_levels, predictors_under_noise
     from layoutexplore.maps.library import find_plans
     from layoutexplore.processes import command_line
-    from layoutexplore.report.robustness import write_robustness_report
+    from layoutexplore.report.studies.robustness import write_robustness_report
 
     require("jinja2", "bench")
     check_places(out)

@@ -224,7 +224,7 @@ def _write_results(
     write_numbers(json_file, numbers)
     if out is not None:
         from layoutexplore.processes import command_line
-        from layoutexplore.report.segmentation import write_segmentation_report
+        from layoutexplore.report.studies.segmentation import write_segmentation_report
 
         title = ", ".join(filter(None, ("Room segmentation", said["held_out"])))
         shown = {key: value for key, value in said.items() if key != "held_out"}

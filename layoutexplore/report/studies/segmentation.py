@@ -104,7 +104,7 @@ def write_segmentation_report(
         write_atomically(out / "pictures" / name, encode_png(picture))
         pictures.append({"row": row, "image": png_uri(_narrowed(picture, 1000))})
     page = render(
-        "segmentation.html",
+        "studies/segmentation.html",
         title=title,
         protocol=protocol,
         resolution=_span([row.m_per_px for row in rows]),

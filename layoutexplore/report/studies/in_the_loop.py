@@ -130,7 +130,7 @@ def write_in_the_loop_report(
         "driver": DRIVER,
         "failed": failed,
     }
-    write_atomically(written[0], render("in_the_loop.html", **view, **facts))
+    write_atomically(written[0], render("studies/in_the_loop.html", **view, **facts))
     return written
 
 

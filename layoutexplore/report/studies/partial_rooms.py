@@ -170,7 +170,7 @@ def write_partial_rooms_report(
             written.append(path)
         for k in range(len(pictures) + 1, PICTURES + 1):  # of an earlier study they would pass for this one's
             (out / "pictures" / f"{kind}_{k}.png").unlink(missing_ok=True)
-    page = render("partial_rooms.html", **_view(scores, summary, gallery), command=command)
+    page = render("studies/partial_rooms.html", **_view(scores, summary, gallery), command=command)
     write_atomically(written[0], page)
     return written
 

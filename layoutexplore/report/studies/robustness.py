@@ -62,7 +62,7 @@ def write_robustness_report(
         "mcc_chart": line_chart(_lines(mcc, levels), levels),
         "hidden_chart": line_chart(_lines(hidden, levels), levels),
     }
-    write_atomically(written[0], render("robustness.html", **view, **facts))
+    write_atomically(written[0], render("studies/robustness.html", **view, **facts))
     return written
 
 

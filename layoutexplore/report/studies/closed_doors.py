@@ -129,7 +129,7 @@ def write_closed_doors_report(
     write_csv(out / "summary.csv", summary)
     overall = {(line["group"], line["method"]): line for line in summary}
     page = render(
-        "closed_doors.html",
+        "studies/closed_doors.html",
         summary=summary,
         ours=overall.get(("with a reference", "ours")) or overall["all maps", "ours"],
         reference=overall.get(("with a reference", "reference")),
