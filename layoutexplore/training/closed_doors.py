@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -145,20 +146,91 @@ def fit(samples: Iterable[ClosedDoorSamples], *, trees: int = 150) -> Models:
 
 
 @dataclass(frozen=True)
-class Source:
+class Source(ABC):
     """A map to learn from.
 
     Attributes:
         building: It is held out together with the others of its building.
         name: Of it, and what its chance follows from; plans whose files have one name share it.
-        path: What is seen; the truth or the floor plan of a map whose doors are shut at random.
-        truth: The truth of a map of a folder, None for a simulated one.
     """
 
     building: str
     name: str
-    path: Path
-    truth: Path | None
+
+    @property
+    @abstractmethod
+    def files(self) -> Sequence[Path]:
+        """What it is made from."""
+
+    @abstractmethod
+    def maps(self, rng: np.random.Generator) -> tuple[Cells, Cells] | None:
+        """What is seen, and the truth; None where no room can be shut."""
+
+
+@dataclass(frozen=True)
+class RecordedMap(Source):
+    """A map of a folder, with its truth."""
+
+    seen: Path
+    truth: Path
+
+    @property
+    def files(self) -> Sequence[Path]:
+        """What is seen, and the truth."""
+        return [self.seen, self.truth]
+
+    def maps(self, rng: np.random.Generator) -> tuple[Cells, Cells]:
+        """Both as they are recorded."""
+        from layoutexplore.maps.closed_door_maps import read_cells
+
+        return read_cells(self.seen), read_cells(self.truth)
+
+
+@dataclass(frozen=True)
+class ShutMap(Source):
+    """The truth of a map of a folder, with doors shut at random."""
+
+    truth: Path
+
+    @property
+    def files(self) -> Sequence[Path]:
+        """The truth."""
+        return [self.truth]
+
+    def maps(self, rng: np.random.Generator) -> tuple[Cells, Cells] | None:
+        """Other doors than the recorded ones are shut."""
+        from layoutexplore.maps.closed_door_maps import read_cells
+
+        return _with_doors_shut(read_cells(self.truth), rng)
+
+
+@dataclass(frozen=True)
+class ShutPlan(Source):
+    """A floor plan with doors shut at random.
+
+    Attributes:
+        plan: As `load_plan` takes it.
+    """
+
+    plan: str
+
+    @property
+    def files(self) -> Sequence[Path]:
+        """Of the plan; none of one that is generated."""
+        from layoutexplore.maps.library import source_files
+
+        return source_files(self.plan)
+
+    def maps(self, rng: np.random.Generator) -> tuple[Cells, Cells] | None:
+        """Some doors of the plan are shut."""
+        from layoutexplore.maps import load_plan
+
+        return _with_doors_shut(plan_cells(load_plan(self.plan), RESOLUTION, rng), rng)
+
+
+def _with_doors_shut(truth: Cells, rng: np.random.Generator) -> tuple[Cells, Cells] | None:
+    cells = shut_rooms(truth, RESOLUTION, rng)
+    return None if cells is None else add_outer_doors(cells, truth, RESOLUTION, rng, int(rng.integers(3)))
 
 
 def find_sources(folder: Path | None, plans: Sequence[str]) -> list[Source]:
@@ -171,23 +243,18 @@ def find_sources(folder: Path | None, plans: Sequence[str]) -> list[Source]:
     from layoutexplore.maps.closed_door_maps import find_triples
 
     triples = find_triples(folder) if folder else []
-    out = [
-        Source(building_of(t.building, "closed doors"), t.name, t.seen, t.truth)
+    out: list[Source] = [
+        RecordedMap(building_of(t.building, "closed doors"), t.name, t.seen, t.truth)
         for t in triples
         if t.doors % _EVERY == 0
     ]
-    truths = {t.building: t.truth for t in triples}
-    for name, truth in truths.items():
-        out += [
-            Source(building_of(name, "closed doors"), f"{name}-shut-{k}", truth, None)
-            for k in range(SHUT_AGAIN)
-        ]
-    named = [(_name_of(plan), Path(plan)) for plan in plans]
-    return out + [
-        Source(building_of(name, "closed doors"), f"{name}-plan-{k}", path, None)
-        for k in range(PLAN_MAPS)
-        for name, path in named
-    ]
+    for name, truth in {t.building: t.truth for t in triples}.items():
+        building = building_of(name, "closed doors")
+        out += [ShutMap(building, f"{name}-shut-{k}", truth) for k in range(SHUT_AGAIN)]
+    named = [(_name_of(plan), plan) for plan in plans]
+    for k in range(PLAN_MAPS):
+        out += [ShutPlan(building_of(name, "closed doors"), f"{name}-plan-{k}", plan) for name, plan in named]
+    return out
 
 
 def _name_of(plan: str) -> str:
@@ -216,7 +283,7 @@ def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples |
         except ResultsError as error:
             warnings.warn(f"{error}; it is made anew", stacklevel=2)
     rng = np.random.default_rng([*source.name.encode()])
-    maps = _maps(source, rng)
+    maps = source.maps(rng)
     if maps is None:
         return None
     samples = collect(*maps, RESOLUTION, rng)
@@ -227,30 +294,12 @@ def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples |
 
 def _digest_of(source: Source) -> str:
     """Tells maps apart that have the same name: of the files that one is made from, or of a plan's name."""
-    from layoutexplore.maps.library import source_files
-
-    files = [*source_files(source.path), *([source.truth] if source.truth else [])]
-    digest = hashlib.sha256(b"" if files else str(source.path).encode())
-    digest.update(split_level(str(source.path))[1].encode())
-    for path in filter(is_file, files):
+    plan = source.plan if isinstance(source, ShutPlan) else ""
+    digest = hashlib.sha256(b"" if source.files else plan.encode())
+    digest.update(split_level(plan)[1].encode())
+    for path in filter(is_file, source.files):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:8]
-
-
-def _maps(source: Source, rng: np.random.Generator) -> tuple[Cells, Cells] | None:
-    """What is seen, and the truth."""
-    from layoutexplore.maps import load_plan
-    from layoutexplore.maps.closed_door_maps import read_cells
-
-    if source.truth is not None:
-        return read_cells(source.path), read_cells(source.truth)
-    truth = (
-        read_cells(source.path)
-        if source.name.split("-")[-2] == "shut"
-        else plan_cells(load_plan(source.path), RESOLUTION, rng)
-    )
-    cells = shut_rooms(truth, RESOLUTION, rng)
-    return None if cells is None else add_outer_doors(cells, truth, RESOLUTION, rng, int(rng.integers(3)))
 
 
 def collect_all(
