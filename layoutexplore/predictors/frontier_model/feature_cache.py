@@ -20,11 +20,8 @@ from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, W
 from layoutexplore.predictors.frontier_model.feature_kernels import (
     AHEAD,
     BESIDE,
-    FORWARD,
+    FRAME,
     RAYS,
-    SIDES,
-    SIDEWAYS,
-    SLANT,
     TOUCHED,
     FloodScratch,
     cast_rays,
@@ -105,7 +102,7 @@ class FeatureCache(ByThread):
         self._draw = FollowedBitMap()
         self._known: dict[bytes, int] = {}
         self._features = np.zeros((0, len(LOCAL_FEATURES)), np.float32)
-        self._frames = np.zeros((0, 8))
+        self._frames = np.zeros((0, len(FRAME)))
         self._touched = np.zeros((0, len(BARRIERS), TOUCHED), np.int32)
         self._scratch = FloodScratch(np.zeros(0, np.uint8), np.zeros(0, np.int32))
 
@@ -116,8 +113,8 @@ class FeatureCache(ByThread):
 
         Returns:
             The bit map, which changes with the next call, the features float32 (k, len(LOCAL_FEATURES)) in
-            metres, the frames float64 (k, 8) and the free cells that floods touch int32 (k, barriers,
-            TOUCHED), in cells of the bit map.
+            metres, the frames float64 (k, len(FRAME)) and the free cells that floods touch int32 (k,
+            barriers, TOUCHED), in cells of the bit map.
         """
         bit_map, changed = self._draw(cells, regions, resolution, SIGHT + 2 * resolution)
         clusters = Clusters(frontiers.cells + np.int32(bit_map.margin), frontiers.offsets)
@@ -158,7 +155,8 @@ class FeatureCache(ByThread):
         """
         if changed is None:
             self._scratch = FloodScratch(np.zeros(0, np.uint8), np.zeros(0, np.int32))
-            self._features, self._frames = np.zeros((1, len(LOCAL_FEATURES)), np.float32), np.zeros((1, 8))
+            self._features = np.zeros((1, len(LOCAL_FEATURES)), np.float32)
+            self._frames = np.zeros((1, len(FRAME)))
             self._touched = np.zeros((1, len(BARRIERS), TOUCHED), np.int32)
             return np.full(len(keys), -1, np.int64)
         old = np.array([self._known.get(key, -1) for key in keys], np.int64)
@@ -194,10 +192,10 @@ def compute_local_features(
 ) -> tuple[Floats, Ints32]:
     """Compute `LOCAL_FEATURES` of the wanted frontiers, in cells, into `out` float32 (wanted, features).
 
-    Returns the frames float64 (wanted, 8) and the free cells that floods touch int32 (wanted, barriers,
-    TOUCHED).
+    Returns the frames float64 (wanted, len(FRAME)) and the free cells that floods touch int32 (wanted,
+    barriers, TOUCHED).
     """
-    frames = np.zeros((len(wanted), 8))
+    frames = np.zeros((len(wanted), len(FRAME)))
     touched = np.empty((len(wanted), len(barriers), TOUCHED), np.int32)
     flood = len(lengths.depths) + 5
     for n in range(len(wanted)):
@@ -228,10 +226,10 @@ def compute_local_features(
 def _shape(code: Bytes, cluster: Ints32, frame: Floats, near: int, out: Floats32) -> None:
     """Size, extents, slant, sides, and the distance to a wall from the ends on either side."""
     # In the order of `_SHAPE`.
-    ahead = cluster[:, 0] * frame[FORWARD] + cluster[:, 1] * frame[FORWARD + 1]
-    side = cluster[:, 0] * frame[SIDEWAYS] + cluster[:, 1] * frame[SIDEWAYS + 1]
+    ahead = cluster[:, 0] * frame[FRAME.forward_row] + cluster[:, 1] * frame[FRAME.forward_col]
+    side = cluster[:, 0] * frame[FRAME.side_row] + cluster[:, 1] * frame[FRAME.side_col]
     out[0], out[1], out[2] = len(cluster), ahead.max() - ahead.min() + 1, side.max() - side.min() + 1
-    out[3], out[4] = frame[SLANT], frame[SIDES]
+    out[3], out[4] = frame[FRAME.slant], frame[FRAME.sides]
     for end in range(2):
         row, col = cluster[np.argmin(side) if end == 0 else np.argmax(side)]
         nearest = 2 * near

@@ -27,8 +27,21 @@ BACK, FORTH = 6, 10
 TOUCHED = 24
 """Free cells kept of those that a flood touches."""
 
-FORWARD, SIDEWAYS, SLANT, SIDES = 2, 4, 6, 7
-"""Columns of a frame after row and column of its middle: two directions (row, col), slant, sides."""
+
+class Frame(NamedTuple):
+    """Columns of frontiers' frames: the middle, two directions, slant and sides."""
+
+    row: int
+    col: int
+    forward_row: int
+    forward_col: int
+    side_row: int
+    side_col: int
+    slant: int
+    sides: int
+
+
+FRAME = Frame(*range(len(Frame._fields)))
 
 
 class FloodScratch(NamedTuple):
@@ -80,15 +93,15 @@ def frontier_frame(code: Bytes, members: Ints32) -> Floats:
         away = (count * members[i, 0] - sum_row) ** 2 + (count * members[i, 1] - sum_col) ** 2
         if away < nearest:
             middle, nearest = i, away
-    frame = np.zeros(8)
-    frame[0], frame[1] = members[middle, 0], members[middle, 1]
+    frame = np.zeros(len(FRAME))
+    frame[FRAME.row], frame[FRAME.col] = members[middle, 0], members[middle, 1]
     row_sign, col_sign = (1.0 if normal_row >= 0 else -1.0), (1.0 if normal_col >= 0 else -1.0)
     if abs(normal_row) >= abs(normal_col):
-        frame[FORWARD], frame[SIDEWAYS + 1] = row_sign, col_sign
+        frame[FRAME.forward_row], frame[FRAME.side_col] = row_sign, col_sign
     else:
-        frame[FORWARD + 1], frame[SIDEWAYS] = col_sign, row_sign
-    frame[SLANT] = min(abs(normal_row), abs(normal_col)) / max(abs(normal_row), abs(normal_col), 1)
-    frame[SIDES] = sides
+        frame[FRAME.forward_col], frame[FRAME.side_row] = col_sign, row_sign
+    frame[FRAME.slant] = min(abs(normal_row), abs(normal_col)) / max(abs(normal_row), abs(normal_col), 1)
+    frame[FRAME.sides] = sides
     return frame
 
 
@@ -99,15 +112,15 @@ def cast_rays(code: Bytes, frame: Floats, reach: int, out: Floats32) -> None:
     What ends it: 0 wall, 1 free, 2 nothing within reach, 3 there is no unknown on the ray. Lengths in cells.
     """
     # Not `grids.rays.ray_frame`: the models learnt from one sample a cell's length, not all cells crossed.
-    forward_row, forward_col = frame[FORWARD], frame[FORWARD + 1]
-    side_row, side_col = frame[SIDEWAYS], frame[SIDEWAYS + 1]
+    forward_row, forward_col = frame[FRAME.forward_row], frame[FRAME.forward_col]
+    side_row, side_col = frame[FRAME.side_row], frame[FRAME.side_col]
     for ray in range(RAYS):
         # Ray 0 looks forward; they turn towards the side that the frontier's normal leans to.
         dr = _COS[ray] * forward_row + _SIN[ray] * side_row
         dc = _COS[ray] * forward_col + _SIN[ray] * side_col
         first, end, hit, unknown = 0, 3, reach, 0
         for t in range(1, reach):
-            bits = code[int(frame[0] + dr * t + 0.5), int(frame[1] + dc * t + 0.5)]
+            bits = code[int(frame[FRAME.row] + dr * t + 0.5), int(frame[FRAME.col] + dc * t + 0.5)]
             if bits & WALL_BIT:
                 hit = t
                 if end == 2:
@@ -290,10 +303,11 @@ def walls_in_line(code: Bytes, frame: Floats, unit: int, out: Floats32) -> None:
     either side; the same for extensions of walls; `BESIDE` slices to either side: most wall cells on a line
     along the path.
     """
-    row, col = int(frame[0]), int(frame[1])
+    row, col = int(frame[FRAME.row]), int(frame[FRAME.col])
     # The frame's axes are the grid's: of a direction's two numbers one is 1 or -1 and the other 0.
-    forward, side = int(frame[FORWARD] + frame[FORWARD + 1]), int(frame[SIDEWAYS] + frame[SIDEWAYS + 1])
-    upright = frame[FORWARD] != 0
+    forward = int(frame[FRAME.forward_row] + frame[FRAME.forward_col])
+    side = int(frame[FRAME.side_row] + frame[FRAME.side_col])
+    upright = frame[FRAME.forward_row] != 0
     across = ALONG_ROWS if upright else ALONG_COLS
     aside, length = ASIDE * unit, AHEAD * unit
     walls, extended = _bits_on_lines(
@@ -316,7 +330,7 @@ def doors_near(code: Bytes, members: Ints32, frame: Floats, reach: int, out: Flo
     inside = 0
     for i in range(len(members)):
         inside += (code[members[i, 0], members[i, 1]] & DOOR_BIT) != 0
-    row, col = int(frame[0]), int(frame[1])
+    row, col = int(frame[FRAME.row]), int(frame[FRAME.col])
     nearest, free, unknown = reach * reach, 0, 0
     for dr in range(-reach, reach + 1):
         # Few rows hold a door: a row is passed over by all its bits at once.

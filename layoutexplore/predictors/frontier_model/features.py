@@ -22,7 +22,7 @@ from layoutexplore.predictors.frontier_model.feature_cache import (
     Clusters,
     FeatureCache,
 )
-from layoutexplore.predictors.frontier_model.feature_kernels import FORWARD, SIDEWAYS, TOUCHED
+from layoutexplore.predictors.frontier_model.feature_kernels import FRAME, TOUCHED
 
 _CONTACTS = tuple(f"{barrier}_{what}" for barrier in BARRIERS for what in ("other_share", "other_rooms"))
 
@@ -71,7 +71,7 @@ class Surroundings:
         resolution: Metres per cell.
         bit_map: What is known, as the feature kernels read it.
         local_features: float32 (k, len(LOCAL_FEATURES)), those that tell of the bit map alone.
-        frames: float64 (k, 8), of `frontier_frame`, in cells of the bit map.
+        frames: float64 (k, len(FRAME)), of `frontier_frame`, in cells of the bit map.
         touched: int32 (k, barriers, TOUCHED), free cells of the bit map that floods touch.
     """
 
@@ -125,7 +125,8 @@ def frontier_features(around: Surroundings, visible: Floats) -> Floats32:
     rest[:, _AT.visible] = visible
     rest[:, _AT.known] = math.log(1.0 + _count_free(around.cells) * resolution**2)
     rest[:, _AT.frontiers] = len(frontiers)
-    frames = around.frames - np.array([bit_map.margin] * 2 + [0] * 6)
+    frames = around.frames.copy()
+    frames[:, [FRAME.row, FRAME.col]] -= bit_map.margin
     grids, sums = (regions.labels, regions.gaps), (regions.boxes, regions.doors)
     clusters = Clusters(frontiers.cells, frontiers.offsets)
     _region_features(clusters, around.homes, frames, grids, sums, resolution, rest)
@@ -203,13 +204,14 @@ def _region_features(
             row[_AT.door_width] = max(row[_AT.door_width], width)
         row[_AT.region] = box[0] * area
         # The region's box as the frontier sees it: cells from its middle, ahead and to the side.
+        middle_row, middle_col = frames[k, FRAME.row], frames[k, FRAME.col]
         for axis, low_at, high_at in (
-            (FORWARD, _AT.ahead_min, _AT.ahead_max),
-            (SIDEWAYS, _AT.side_min, _AT.side_max),
+            (FRAME.forward_row, _AT.ahead_min, _AT.ahead_max),
+            (FRAME.side_row, _AT.side_min, _AT.side_max),
         ):
             step_row, step_col = frames[k, axis], frames[k, axis + 1]
-            low = (box[1] - frames[k, 0]) * step_row + (box[2] - frames[k, 1]) * step_col
-            high = (box[3] - 1 - frames[k, 0]) * step_row + (box[4] - 1 - frames[k, 1]) * step_col
+            low = (box[1] - middle_row) * step_row + (box[2] - middle_col) * step_col
+            high = (box[3] - 1 - middle_row) * step_row + (box[4] - 1 - middle_col) * step_col
             row[low_at], row[high_at] = min(low, high) * resolution, max(low, high) * resolution
         row[_AT.fill] = box[0] / max((box[3] - box[1]) * (box[4] - box[2]), 1)
         row[_AT.region_long], row[_AT.region_short] = longer[region], shorter[region]

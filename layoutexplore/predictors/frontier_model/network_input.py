@@ -12,7 +12,7 @@ from numba import njit
 from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Labels, Mask
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
 from layoutexplore.predictors.frontier_model.feature_cache import Clusters
-from layoutexplore.predictors.frontier_model.feature_kernels import FORWARD, SIDEWAYS
+from layoutexplore.predictors.frontier_model.feature_kernels import FRAME
 from layoutexplore.predictors.frontier_model.features import Surroundings
 
 CROP_CELL = 0.3
@@ -87,8 +87,10 @@ def draw_truth(around: Surroundings, behind: Ints32, room_ids: Labels, free: Mas
     ahead, aside = _bounds(BEHIND, around.resolution), _bounds(SIDE // 2, around.resolution)
     i, j = (((bounds[:-1] + bounds[1:] - 1) // 2) for bounds in (ahead, aside))
     out = np.empty((len(behind), SIDE, SIDE), np.uint8)
-    for k, frame in enumerate(around.frames[:, :6].astype(np.int64)):
-        at = tuple(frame[n] + i[:, None] * frame[FORWARD + n] + j * frame[SIDEWAYS + n] for n in (0, 1))
+    for k, frame in enumerate(around.frames.astype(np.int64)):
+        row = frame[FRAME.row] + i[:, None] * frame[FRAME.forward_row] + j * frame[FRAME.side_row]
+        col = frame[FRAME.col] + i[:, None] * frame[FRAME.forward_col] + j * frame[FRAME.side_col]
+        at = row, col
         room, unknown = rooms[at], code[at] & UNKNOWN_BIT > 0
         is_behind = (room == behind[k]) & (room > 0)
         out[k] = np.select(
@@ -129,8 +131,9 @@ def _draw(
     for at in range(len(wanted)):
         k = wanted[at]
         frame = frames[k].astype(np.int64)
-        row, col, forward_row, forward_col = frame[0], frame[1], frame[FORWARD], frame[FORWARD + 1]
-        side_row, side_col = frame[SIDEWAYS], frame[SIDEWAYS + 1]
+        row, col = frame[FRAME.row], frame[FRAME.col]
+        forward_row, forward_col = frame[FRAME.forward_row], frame[FRAME.forward_col]
+        side_row, side_col = frame[FRAME.side_row], frame[FRAME.side_col]
         # Steps in flat cells of the bit map, which has a margin, and of the labels.
         width, inner = code.shape[1], labels.shape[1]
         first = row * width + col, (row - margin) * inner + col - margin
