@@ -164,7 +164,7 @@ def end_at_once() -> NoReturn:
     """End this process and all that it has started, with the status that a shell gives to its signal."""
     for process in descendants(os.getpid()):
         with contextlib.suppress(OSError):
-            os.kill(process, signal.SIGKILL)
+            os.kill(process, getattr(signal, "SIGKILL", signal.SIGTERM))  # Windows has but one way to end
     with contextlib.suppress(Exception):
         sys.stdout.flush()
         sys.stderr.flush()
@@ -205,17 +205,22 @@ def deaf_children() -> Iterator[None]:
 
 def release_memory() -> None:
     """Give memory that is free back to the system, where the C library (glibc) would keep it."""
-    with contextlib.suppress(OSError, AttributeError):
+    with contextlib.suppress(OSError, AttributeError, TypeError):  # musl, macOS, Windows
         ctypes.CDLL(None).malloc_trim(0)
 
 
 def peak_memory() -> int:
-    """The most bytes of memory that this process has held at once (`VmHWM` where /proc tells)."""
+    """The most bytes of memory that this process has held at once (`VmHWM` where /proc tells).
+
+    0 where nobody can tell (Windows).
+    """
     with contextlib.suppress(OSError, ValueError, StopIteration):
         lines = Path("/proc/self/status").read_text().splitlines()
         # What `getrusage` tells begins with the memory of the process that started this one.
         return 1024 * next(int(line.split()[1]) for line in lines if line.startswith("VmHWM:"))
-    import resource
-
+    try:
+        import resource
+    except ImportError:
+        return 0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else 1024 * peak
