@@ -1,8 +1,10 @@
 """OpenStreetMap XML of buildings: simple indoor tagging, and area graphs (osmAG), one floor at a time.
 
 Simple indoor tagging: a room is a closed way, or a multipolygon, with `indoor` = room, corridor or area, a
-door a node with `door` on the outline that two ways share. osmAG: a room is a way with `osmAG:areaType` =
-room, a door a way of two nodes with `osmAG:type` = passage that names its two areas. Walls have no thickness.
+door a node with `door` on the outline that two ways share. Corridors and areas have no walls of their own:
+where two of them meet without a door it is open. Ways with `indoor` = wall are walls. osmAG: a room is a way
+with `osmAG:areaType` = room, corridor, stairs or elevator, a door a way of two nodes with `osmAG:type` =
+passage that tells its two areas by their ids or names. Walls have no thickness.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ import math
 import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -26,10 +28,18 @@ from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.geographic import LocalFrame
 from layoutexplore.maps.formats.levels import choose_level, numbers_of
 from layoutexplore.maps.formats.polygons import Dropped, room_parts
-from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
-from layoutexplore.maps.sizes import check_count
+from layoutexplore.maps.shared_walls import (
+    DOOR_WIDTH,
+    WALL_THICKNESS,
+    Opening,
+    open_borders,
+    plan_from_outlines,
+)
+from layoutexplore.maps.sizes import check_count, check_outlines, check_overlaps
 
 INDOOR_ROOMS = ("room", "corridor", "area")
+WITHOUT_WALLS = ("corridor", "area")
+AREA_ROOMS = ("room", "corridor", "stairs", "elevator")
 
 
 @dataclass(frozen=True)
@@ -48,12 +58,17 @@ class _Element:
     @property
     def is_room(self) -> bool:
         if "osmAG:type" in self.tags:
-            return self.tags.get("osmAG:areaType") == "room"
+            return self.tags.get("osmAG:areaType") in AREA_ROOMS
         return self.tags.get("indoor") in INDOOR_ROOMS
 
     @property
+    def has_walls(self) -> bool:
+        return "osmAG:type" in self.tags or self.tags.get("indoor") not in WITHOUT_WALLS
+
+    @property
     def label(self) -> str:
-        return self.tags.get("room") or ("corridor" if self.tags.get("indoor") == "corridor" else "")
+        kind = self.tags.get("osmAG:areaType") or self.tags.get("indoor", "")
+        return self.tags.get("room") or (kind if kind in ("corridor", "stairs", "elevator") else "")
 
 
 @dataclass(frozen=True)
@@ -136,11 +151,19 @@ def load_osm(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
             rooms.outlines[numbers[-1]] = outline
         rooms.of_ways.append((way, numbers))
     openings = [*_doors(building, name, rooms, frame, path), *_passages(building, name, rooms, frame, path)]
+    walls = _walls(building, name, frame)
+    shapes = list(rooms.outlines.values())
+    check_outlines(dropped.path, shapes, shared=True)
+    check_overlaps(dropped.path, shapes)
+    for opening in _open_borders(rooms, list(openings), walls):
+        openings.append(opening)
+        check_count(dropped.path, "doors and open borders", len(openings))
     dropped.warn()
     return plan_from_outlines(
         rooms.outlines,
         {number: way.label for way, numbers in rooms.of_ways for number in numbers},
         openings,
+        walls=walls,
         name=f"{path.stem}-{name}",
         building=path.stem,
         metadata={"format": "OpenStreetMap", "level": name},
@@ -152,6 +175,9 @@ def _read(path: Path) -> _Building:
     root = read_xml(path)
     if root.tag != "osm":
         raise MapError(f"{path}: must be OpenStreetMap XML (<osm>), got {shortened(root.tag)}")
+    for kind in ("node", "way", "relation"):
+        for element in [each for each in root.findall(kind) if each.get("action") == "delete"]:
+            root.remove(element)  # JOSM saves with it what is deleted and not uploaded yet
     places, nodes = {}, []
     for node in root.iter("node"):
         key = node.get("id", "")
@@ -168,7 +194,15 @@ def _read(path: Path) -> _Building:
         for way in root.iter("way")
     ]
     areas = _multipolygons(root, {way.key: way.nodes for way in ways}, path)
-    return _Building(places, tuple(nodes), (*ways, *areas))
+    return _Building(places, tuple(nodes), _on_one_floor([*ways, *areas]))
+
+
+def _on_one_floor(ways: list[_Element]) -> tuple[_Element, ...]:
+    """The ways; the rooms of an area graph that says nothing of levels are on floor 0."""
+    rooms = [way for way in ways if way.is_room]
+    if any("osmAG:type" not in way.tags or "level" in way.tags for way in rooms):
+        return tuple(ways)
+    return tuple(replace(way, tags={**way.tags, "level": "0"}) if way.is_room else way for way in ways)
 
 
 def _multipolygons(
@@ -278,12 +312,16 @@ def _passages(
     building: _Building, level: str, rooms: _Rooms, frame: LocalFrame, path: Path
 ) -> Iterator[Opening]:
     """Ways that are passages of an area graph, between areas of this floor or out of one; errors as above."""
-    numbers = {way.key: found for way, found in rooms.of_ways}
+    numbers: dict[str, list[int]] = {}
+    for way, found in rooms.of_ways:
+        numbers.setdefault(way.tags.get("name", ""), []).extend(found)
+    # JOSM gives new ids when it saves: what it has edited names areas by their names.
+    numbers |= {way.key: found for way, found in rooms.of_ways}
     passages = []
     for way in building.ways:
         if way.tags.get("osmAG:type") != "passage" or (way.levels and level not in way.levels):
             continue
-        sides = [numbers.get(way.tags.get(f"osmAG:{end}", ""), []) for end in ("from", "to")]
+        sides = [numbers.get(way.tags.get(f"osmAG:{end}") or "?", []) for end in ("from", "to")]
         if any(sides):  # else stairs to another floor, or a passage of the ground outside
             passages.append((way, sides))
     check_count(str(path), "passages", len(passages))
@@ -294,3 +332,29 @@ def _passages(
             middle = line.interpolate(0.5, normalized=True)
             one, other = sorted(rooms.nearest(side, middle.x, middle.y) for side in sides)
             yield Opening((middle.x, middle.y), float(line.length), (one, other))
+
+
+def _walls(building: _Building, level: str, frame: LocalFrame) -> list[shapely.LineString]:
+    """Ways of this floor that are walls."""
+    walls = [way for way in building.ways if way.tags.get("indoor") == "wall" and level in way.levels]
+    lines = [frame.to_metres(building.points(way)) for way in walls]
+    return [shapely.LineString(line) for line in lines if len(line) > 1]
+
+
+def _open_borders(rooms: _Rooms, doors: list[Opening], walls: list[shapely.LineString]) -> Iterator[Opening]:
+    """Openings as wide as the borders of rooms without walls of their own, where neither door nor wall is."""
+    bare = [number for way, numbers in rooms.of_ways if not way.has_walls for number in numbers]
+    bare.sort(key=lambda number: rooms.outlines[number].area)  # what lies in another comes first
+    places = shapely.STRtree([shapely.Point(door.place) for door in doors])
+    solid = shapely.union_all([line.buffer(WALL_THICKNESS / 2) for line in walls])
+    shut: dict[tuple[int, int], bool] = {}
+    for opening in open_borders({number: rooms.outlines[number] for number in bare}, solid):
+        one, other = opening.rooms or (0, 0)
+        if (one, other) not in shut:
+            sides = [rooms.outlines[one], rooms.outlines[other]]
+            near = set.intersection(
+                *(set(places.query(s, "dwithin", WALL_THICKNESS).tolist()) for s in sides)
+            )
+            shut[one, other] = bool(near)
+        if not shut[one, other]:
+            yield opening
