@@ -2,8 +2,9 @@
 
 What a feature is may stand in a property (`kind`); without one, polygons are rooms, and lines of up to 10 m
 and points are doors. A door drawn as a line is as wide as the line, one drawn as a polygon as wide as its
-longer side, a point 0.9 m. The names of the properties are the user's: `columns` says which mean what.
-Coordinates are metres; degrees and Web Mercator are projected (`coordinates`).
+longer side, a point 0.9 m. The names of the properties are the user's: `columns` says which mean what. Where
+a feature has the tag `indoor` of OpenStreetMap, the tags of all say what they are. Coordinates are metres;
+degrees and Web Mercator are projected (`coordinates`).
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ from layoutexplore.files.reading import is_file
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.coordinates import declared_crs, in_metres
+from layoutexplore.maps.formats.levels import numbers_of
+from layoutexplore.maps.formats.osm import INDOOR_ROOMS
 from layoutexplore.maps.formats.polygons import LEAST_ROOM, Dropped, geometry_of, mended, room_parts
 from layoutexplore.maps.formats.wall_plans import plan_from_walls
 from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
@@ -102,6 +105,8 @@ def load_foreign_geojson(
     if not isinstance(features, list):
         raise MapError(f"{path}: must be a GeoJSON FeatureCollection")
     parts = list(_parts(features, names, dropped))
+    if not columns and any(part.properties.get("indoor") in INDOOR_ROOMS for part in parts):
+        parts = _of_openstreetmap(parts, path, dropped)
     _check_one_floor(parts, path)
     shapes = in_metres([part.geometry for part in parts], path, declared_crs(data), unit)
     parts = [part._replace(geometry=shape) for part, shape in zip(parts, shapes, strict=True)]
@@ -238,6 +243,30 @@ def _parts(features: list[Any], names: dict[str, tuple[str, ...]], dropped: Drop
         kind = str(_first(properties, names["kind"]) or "").lower()
         for single in shapely.get_parts(whole):
             yield _Part(kind, properties, single)
+
+
+def _of_openstreetmap(parts: list[_Part], path: Path, dropped: Dropped) -> list[_Part]:
+    """The rooms and doors among features with tags of OpenStreetMap, if all rooms share a floor."""
+    found, floors = list[tuple[_Part, frozenset[str]]](), list[frozenset[str]]()
+    for part in parts:
+        kind = str(part.properties.get("indoor") or "").lower()
+        level = numbers_of(str(part.properties.get("level") or ""))
+        if kind in INDOOR_ROOMS:
+            floors += [level] if level else []
+        elif any(isinstance(part.properties.get(tag), str) for tag in ("door", "entrance")):
+            kind = "door"
+        else:
+            dropped.add("features that are no rooms, corridors, areas or doors by their tags are left out")
+            continue
+        found.append((part._replace(kind=kind), level))
+    common = frozenset.intersection(*floors) if floors else frozenset()
+    if floors and not common:
+        several = ", ".join(sorted(frozenset.union(*floors), key=float)[:20])
+        raise MapError(
+            f"{path}: its rooms are on several floors (level {several}), which would lie on each other: save "
+            "each floor in a file of its own, or all as OpenStreetMap XML (.osm), of which one floor is read"
+        )
+    return [part for part, level in found if not (level and common) or level & common]
 
 
 def _check_one_floor(parts: list[_Part], path: Path) -> None:
