@@ -271,7 +271,8 @@ def _of_openstreetmap(parts: list[_Part], path: Path, dropped: Dropped) -> list[
 
 def _check_one_floor(parts: list[_Part], path: Path) -> None:
     """Raise `MapError` where features say that they are on several floors: all would lie on each other."""
-    floors = {str(part.properties["level_id"]) for part in parts if part.properties.get("level_id")}
+    told = [_first(part.properties, ("level_id", "LEVEL_ID")) for part in parts]  # IMDF, ArcGIS Indoors
+    floors = {str(level) for level in told if level}
     if len(floors) > 1:
         whole = is_file(path.with_name("level.geojson"))
         advice = f"give the folder {path.parent}" if whole else "give the folder of all files of the building"

@@ -93,6 +93,11 @@ def load_ifc(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     """
     path = Path(path)
     levels, without_shape = _levels(path)
+    if not levels:
+        raise MapError(
+            f"{path}: no floor in this model: none of its storeys has a space (IfcSpace) with a shape, "
+            f"{without_shape} have none: export rooms or zones as well, with their volumes"
+        )
     name = choose_level(path, level, list(levels))
     where, floor = f"{path}#{name}", levels[name]
     dropped = Dropped(where)

@@ -127,7 +127,9 @@ def load_osm(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     levels, unplaced = _levels(building, path), sum(way.is_room and not way.levels for way in building.ways)
     if not levels:
         lack = f"none of its {unplaced} rooms has a level in numbers (tag level=0)"
-        raise MapError(f"{path}: no floor in this file: {lack if unplaced else 'it has no rooms'}")
+        raise MapError(
+            f"{path}: no floor in this file: {lack if unplaced else 'it has no rooms (tag indoor=room)'}"
+        )
     name = choose_level(path, level, levels)
     dropped = Dropped(f"{path}#{name}")
     for _ in range(unplaced):

@@ -226,8 +226,9 @@ def test_degrees_are_corrected_by_a_unit(tmp_path: Path) -> None:
         load_plan(path, resolution=1e-5)
 
 
-def test_floors_that_would_lie_on_each_other_are_told(tmp_path: Path) -> None:
-    rooms = [(box(0, 0, 4, 5), {"level_id": "a"}), (box(0, 0, 9, 5), {"level_id": "b"})]
+@pytest.mark.parametrize("key", ["level_id", "LEVEL_ID"])
+def test_floors_that_would_lie_on_each_other_are_told(tmp_path: Path, key: str) -> None:
+    rooms = [(box(0, 0, 4, 5), {key: "a"}), (box(0, 0, 9, 5), {key: "b"})]
     path = write(tmp_path, *rooms, name="unit")
     with pytest.raises(MapError, match=r"on 2 floors .* give the folder of all files"):
         load_plan(path)
