@@ -210,8 +210,8 @@ def floors_between(
     tree = shapely.STRtree(shapes)
     for number, outline in outlines.items():
         found = polygons_of(outline.difference(near.around(outline)))
-        inside = np.sort(tree.query(outline, "contains")) if len(found) > 1 else []
-        others = shapely.union_all([shape for shape in shapes[inside] if shape.area < outline.area])
+        inside = np.sort(tree.query(outline, "contains")).tolist() if len(found) > 1 else list[int]()
+        others = shapely.union_all([shapes[k] for k in inside if shapes[k].area < outline.area])
         parts = sorted(found, key=lambda part: (-part.difference(others).area, -part.area)) or [outline]
         rooms.append(Room(id=number, polygon=parts[0], label=labels[number]))
         scraps.extend(parts[1:])
