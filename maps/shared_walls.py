@@ -81,7 +81,7 @@ def plan_from_outlines(
         MapError: There is no room, or there are more rooms, doors, corners or crossings than the limits.
 
     Warns:
-        MapWarning: Doors that lie on no wall are left out.
+        MapWarning: Doors that lie on no wall are left out, or rooms of which others leave nothing but walls.
 
     Example:
         >>> rooms = {1: shapely.box(0, 0, 4, 3), 2: shapely.box(4, 0, 8, 3)}
@@ -95,6 +95,8 @@ def plan_from_outlines(
     check_plan(name, shapes, openings)
     check_outlines(name, [*shapes, *walls], shared=True)
     check_overlaps(name, shapes)
+    outlines = _without_sums(outlines, name)
+    shapes = list(outlines.values())
     # Distances are measured in C, ten of them a microsecond.
     check_work(name, "doors and rooms", 0.1 * len(openings) * shapely.get_num_coordinates(shapes).sum())
     solid = walls_along(shapes, name, walls)
@@ -118,6 +120,28 @@ def plan_from_outlines(
             metadata=metadata or {},
         )
     )
+
+
+def _without_sums(outlines: Mapping[int, Polygon], name: str) -> dict[int, Polygon]:
+    """The outlines without those of buildings and floors, of which rooms inside leave nothing but walls."""
+    shapes = np.array(list(outlines.values()), object)
+    tree, areas = shapely.STRtree(shapes), shapely.area(shapes)
+    kept = {}
+    for (number, outline), area in zip(outlines.items(), areas.tolist(), strict=True):
+        inside = np.sort(tree.query(outline, "intersects"))
+        inside = inside[areas[inside] < area]
+        left: BaseGeometry = outline
+        if areas[inside].sum() > 0.5 * area:
+            left = outline.difference(shapely.union_all(shapes[inside])).buffer(-CLOSED_GAP / 2)
+        if not left.is_empty:
+            kept[number] = outline
+    if lost := len(outlines) - len(kept):
+        warnings.warn(
+            f"{name}: {lost} of {len(outlines)} rooms are the sum of others and are left out",
+            MapWarning,
+            stacklevel=3,
+        )
+    return kept or dict(outlines)
 
 
 def with_cut_doors(plan: FloorPlan) -> FloorPlan:

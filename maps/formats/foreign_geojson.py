@@ -138,7 +138,9 @@ def load_foreign_geojson(
     plan = plan_from_outlines(
         outlines, labels, openings, name=path.stem, building=building, metadata=metadata
     )
-    _tell_overlaps(outlines, path)  # with numbers of rooms and pairs that are within the limits
+    _tell_overlaps(
+        {room.id: outlines[room.id] for room in plan.rooms}, path
+    )  # with numbers of rooms and pairs that are within the limits
     return plan
 
 
