@@ -31,8 +31,8 @@ from layoutexplore.maps.formats.levels import numbers_of
 from layoutexplore.maps.formats.osm import INDOOR_ROOMS
 from layoutexplore.maps.formats.polygons import LEAST_ROOM, Dropped, geometry_of, mended, room_parts
 from layoutexplore.maps.formats.wall_plans import plan_from_walls
-from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
-from layoutexplore.maps.sizes import check_count, check_outlines
+from layoutexplore.maps.shared_walls import DOOR_WIDTH, WALL_THICKNESS, Opening, plan_from_outlines
+from layoutexplore.maps.sizes import check_count, check_crowding, check_outlines
 
 COLUMNS = {
     "room": ("label", "name", "Name", "NAME", "room"),
@@ -138,9 +138,7 @@ def load_foreign_geojson(
     plan = plan_from_outlines(
         outlines, labels, openings, name=path.stem, building=building, metadata=metadata
     )
-    _tell_overlaps(
-        {room.id: outlines[room.id] for room in plan.rooms}, path
-    )  # with numbers of rooms and pairs that are within the limits
+    _tell_overlaps({room.id: outlines[room.id] for room in plan.rooms}, path)  # numbers are within the limits
     return plan
 
 
@@ -185,12 +183,17 @@ def _from_walls(
     building: str,
     metadata: dict[str, str],
 ) -> FloorPlan:
-    """A plan of walls and doors with a thickness inside of an outline of the floor."""
-    solid, doors, places = list[BaseGeometry](), list[LineString](), list[tuple[str, Polygon]]()
+    """A plan of walls and doors, with a thickness or as lines, inside of an outline of the floor."""
+    solid, lines = list[BaseGeometry](), list[LineString]()
+    doors, places = list[LineString](), list[tuple[str, Polygon]]()
     for part in parts:
         if part.kind in FLOOR_KINDS:
             continue
-        if part.geometry.geom_type != "Polygon":
+        if isinstance(part.geometry, LineString) and part.kind in DOOR_KINDS:
+            doors.append(LineString([part.geometry.coords[0], part.geometry.coords[-1]]))
+        elif isinstance(part.geometry, LineString) and part.kind in SOLID_KINDS:
+            lines.append(part.geometry)
+        elif part.geometry.geom_type != "Polygon":
             dropped.add(f"{part.geometry.geom_type} features of kind {shortened(part.kind)} are left out")
         elif part.kind in DOOR_KINDS:
             doors.append(_middle_line(part.geometry))
@@ -200,7 +203,9 @@ def _from_walls(
             label = str(_first(part.properties, COLUMNS["room"]) or part.kind)
             places += [(label, area) for area in mended(part.geometry, dropped)]
     dropped.warn()
-    check_outlines(str(path), solid)
+    check_outlines(str(path), [*solid, *lines])
+    check_crowding(str(path), lines, WALL_THICKNESS)
+    solid += [line.buffer(WALL_THICKNESS / 2, cap_style="square", join_style="mitre") for line in lines]
     return plan_from_walls(
         floor,
         shapely.union_all(solid),

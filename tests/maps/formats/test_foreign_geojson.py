@@ -320,3 +320,13 @@ def test_rooms_that_lie_on_each_other_are_told(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert len(load_plan(write(tmp_path, *nested)).rooms) == 3
+
+
+@pytest.mark.filterwarnings("ignore::layoutexplore.errors.MapWarning")
+def test_walls_and_doors_may_be_lines_inside_of_an_outline(tmp_path: Path) -> None:
+    shell = [(0, 0), (10, 0), (10, 4), (0, 4), (0, 0)]
+    lines = {"wall": [shell, [(5, 0), (5, 1)], [(5, 1.9), (5, 4)]], "door": [[(5, 1), (5, 1.9)]]}
+    drawn = [(LineString(line), {"type": kind}) for kind, of_kind in lines.items() for line in of_kind]
+    plan = load_plan(write(tmp_path, (box(0, 0, 10, 4), {"type": "building_outline"}), *drawn))
+    assert [room.polygon.area for room in plan.rooms] == pytest.approx([4.8 * 3.8] * 2, abs=0.15)
+    assert [(door.rooms, round(door.width, 2)) for door in plan.doors] == [((1, 2), 0.9)]
