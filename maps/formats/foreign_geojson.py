@@ -28,7 +28,7 @@ from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.coordinates import declared_crs, in_metres
 from layoutexplore.maps.formats.levels import numbers_of
-from layoutexplore.maps.formats.osm import INDOOR_ROOMS
+from layoutexplore.maps.formats.osm import INDOOR_ROOMS, WITHOUT_WALLS, open_between
 from layoutexplore.maps.formats.polygons import LEAST_ROOM, Dropped, geometry_of, mended, room_parts
 from layoutexplore.maps.formats.wall_plans import plan_from_walls
 from layoutexplore.maps.shared_walls import DOOR_WIDTH, WALL_THICKNESS, Opening, plan_from_outlines
@@ -119,22 +119,39 @@ def load_foreign_geojson(
         check_outlines(str(path), floor)
         whole = [polygon for part in floor for polygon in mended(part, dropped)]
         return _from_walls(path, parts, shapely.union_all(whole), dropped, building, metadata)
+    return _from_areas(path, parts, names, dropped, unit or 1.0, building, metadata)
+
+
+def _from_areas(
+    path: Path,
+    parts: list[_Part],
+    names: dict[str, tuple[str, ...]],
+    dropped: Dropped,
+    unit: float,
+    building: str,
+    metadata: dict[str, str],
+) -> FloorPlan:
+    """A plan of rooms as polygons."""
     outlines: dict[int, Polygon] = {}
     labels: dict[int, str] = {}
     openings: list[Opening] = []
+    bare: list[int] = []
     check_count(str(path), "areas", sum(_is_room(part) for part in parts))
     for part in parts:
         if part.kind in DOOR_KINDS or (not part.kind and part.geometry.geom_type != "Polygon"):
-            openings += _opening(part, names, dropped, unit or 1.0)
+            openings += _opening(part, names, dropped, unit)
         elif not _is_room(part):
             dropped.add(f"{part.geometry.geom_type} features of kind {shortened(part.kind)} are left out")
         else:
             for outline in room_parts(part.geometry, dropped):
-                labels[len(outlines) + 1] = str(_first(part.properties, names["room"]) or "")
-                outlines[len(outlines) + 1] = outline
+                number = len(outlines) + 1
+                labels[number] = str(_first(part.properties, names["room"]) or "")
+                outlines[number] = outline
+                bare += [number] if part.properties.get("indoor") in WITHOUT_WALLS else []
     dropped.warn()
     if not outlines:
         raise MapError(f"{path}: no polygon that could be a room (--column kind=NAME names the property)")
+    openings += open_between(str(path), outlines, bare, openings) if bare else []
     plan = plan_from_outlines(
         outlines, labels, openings, name=path.stem, building=building, metadata=metadata
     )

@@ -12,14 +12,14 @@ from __future__ import annotations
 import math
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import LineString, Polygon
 
 from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.files.markup import read_xml
@@ -154,12 +154,8 @@ def load_osm(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
         rooms.of_ways.append((way, numbers))
     openings = [*_doors(building, name, rooms, frame, path), *_passages(building, name, rooms, frame, path)]
     walls = _walls(building, name, frame)
-    shapes = list(rooms.outlines.values())
-    check_outlines(dropped.path, shapes, shared=True)
-    check_overlaps(dropped.path, shapes)
-    for opening in _open_borders(rooms, list(openings), walls):
-        openings.append(opening)
-        check_count(dropped.path, "doors and open borders", len(openings))
+    bare = [number for way, numbers in rooms.of_ways if not way.has_walls for number in numbers]
+    openings += open_between(dropped.path, rooms.outlines, bare, openings, walls)
     dropped.warn()
     return plan_from_outlines(
         rooms.outlines,
@@ -329,34 +325,53 @@ def _passages(
     check_count(str(path), "passages", len(passages))
     for way, sides in passages:
         points = frame.to_metres(building.points(way))
-        line = shapely.LineString(points) if len(points) > 1 else None
+        line = LineString(points) if len(points) > 1 else None
         if line is not None and line.length > 0:
             middle = line.interpolate(0.5, normalized=True)
             one, other = sorted(rooms.nearest(side, middle.x, middle.y) for side in sides)
             yield Opening((middle.x, middle.y), float(line.length), (one, other))
 
 
-def _walls(building: _Building, level: str, frame: LocalFrame) -> list[shapely.LineString]:
+def _walls(building: _Building, level: str, frame: LocalFrame) -> list[LineString]:
     """Ways of this floor that are walls."""
     walls = [way for way in building.ways if way.tags.get("indoor") == "wall" and level in way.levels]
     lines = [frame.to_metres(building.points(way)) for way in walls]
-    return [shapely.LineString(line) for line in lines if len(line) > 1]
+    return [LineString(line) for line in lines if len(line) > 1]
 
 
-def _open_borders(rooms: _Rooms, doors: list[Opening], walls: list[shapely.LineString]) -> Iterator[Opening]:
-    """Openings as wide as the borders of rooms without walls of their own, where neither door nor wall is."""
-    bare = [number for way, numbers in rooms.of_ways if not way.has_walls for number in numbers]
-    bare.sort(key=lambda number: rooms.outlines[number].area)  # what lies in another comes first
+@checks_arguments
+def open_between(
+    where: str,
+    outlines: Mapping[int, Polygon],
+    bare: Sequence[int],
+    doors: Sequence[Opening],
+    walls: Sequence[LineString] = (),
+) -> list[Opening]:
+    """Openings as wide as the borders of rooms without walls of their own, where neither door nor wall is.
+
+    Args:
+        where: The file, for messages.
+        outlines: Room id -> outline in metres.
+        bare: Ids of the rooms without walls: corridors and areas.
+        doors: Those that there are; where two rooms have one, the rest of their border is wall.
+        walls: Lines in the middle of walls.
+
+    Raises:
+        MapError: The outlines are more or cross more often than the limits, or the openings are too many.
+    """
+    check_outlines(where, [*outlines.values(), *walls], shared=True)
+    check_overlaps(where, list(outlines.values()))
+    ordered = sorted(bare, key=lambda number: outlines[number].area)  # what lies in another comes first
     places = shapely.STRtree([shapely.Point(door.place) for door in doors])
     solid = shapely.union_all([line.buffer(WALL_THICKNESS / 2) for line in walls])
     shut: dict[tuple[int, int], bool] = {}
-    for opening in open_borders({number: rooms.outlines[number] for number in bare}, solid):
-        one, other = opening.rooms or (0, 0)
-        if (one, other) not in shut:
-            sides = [rooms.outlines[one], rooms.outlines[other]]
-            near = set.intersection(
-                *(set(places.query(s, "dwithin", WALL_THICKNESS).tolist()) for s in sides)
-            )
-            shut[one, other] = bool(near)
-        if not shut[one, other]:
-            yield opening
+    found = []
+    for opening in open_borders({number: outlines[number] for number in ordered}, solid):
+        pair = opening.rooms or (0, 0)
+        if pair not in shut:
+            near = (set(places.query(outlines[side], "dwithin", WALL_THICKNESS).tolist()) for side in pair)
+            shut[pair] = bool(set.intersection(*near))
+        if not shut[pair]:
+            found.append(opening)
+            check_count(where, "doors and open borders", len(doors) + len(found))
+    return found

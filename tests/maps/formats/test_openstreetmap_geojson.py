@@ -50,3 +50,13 @@ def test_rooms_of_several_floors_are_no_plan(tmp_path: Path) -> None:
         load_plan(path)
     write_collection(path, *rooms("", "1"), DOOR)
     assert len(load_plan(path).rooms) == 2
+
+
+@pytest.mark.filterwarnings("ignore::layoutexplore.errors.MapWarning")
+def test_corridors_and_areas_are_open_where_they_meet(tmp_path: Path) -> None:
+    hall = feature(box(10, 0, 18, 4), indoor="area", level="0")
+    path = write_collection(tmp_path / "export.geojson", *rooms("0", "0"), hall, DOOR)
+    assert [(door.rooms, round(door.width, 1)) for door in load_plan(path).doors] == [
+        ((1, 2), 0.9),
+        ((2, 3), 3.8),
+    ]
