@@ -176,23 +176,38 @@ def _read(path: Path) -> _Building:
     for kind in ("node", "way", "relation"):
         for element in [each for each in root.findall(kind) if each.get("action") == "delete"]:
             root.remove(element)  # JOSM saves with it what is deleted and not uploaded yet
-    places, nodes = {}, []
+    places, nodes = dict[str, tuple[float, float]](), list[_Element]()
     for node in root.iter("node"):
         key = node.get("id", "")
-        try:
-            places[key] = float(node.get("lon", "")), float(node.get("lat", ""))
-        except ValueError:
-            places[key] = math.nan, math.nan
-        if not all(abs(degrees) <= 360 for degrees in places[key]):
-            raise MapError(f"{path}: node {shortened(key)} has no usable lon and lat")
+        places[key] = _degrees(node, key, path)
         if tags := _tags(node):
             nodes.append(_Element(key, tags, (key,)))
-    ways = [
-        _Element(way.get("id", ""), _tags(way), tuple(nd.get("ref", "") for nd in way.findall("nd")))
-        for way in root.iter("way")
-    ]
-    areas = _multipolygons(root, {way.key: way.nodes for way in ways}, path)
+    ways = [_Element(way.get("id", ""), _tags(way), _line(way, places, path)) for way in root.iter("way")]
+    areas = list(_multipolygons(root, {way.key: way.nodes for way in ways}, places, path))
     return _Building(places, tuple(nodes), _on_one_floor([*ways, *areas]))
+
+
+def _degrees(element: ElementTree.Element, key: str, path: Path) -> tuple[float, float]:
+    """The longitude and latitude of a node."""
+    try:
+        place = float(element.get("lon", "")), float(element.get("lat", ""))
+    except ValueError:
+        place = math.nan, math.nan
+    if not all(abs(degrees) <= 360 for degrees in place):
+        raise MapError(f"{path}: node {shortened(key)} has no usable lon and lat")
+    return place
+
+
+def _line(
+    element: ElementTree.Element, places: dict[str, tuple[float, float]], path: Path
+) -> tuple[str, ...]:
+    """The nodes of a way; Overpass writes their places here where it was asked for geometry (`out geom`)."""
+    keys = []
+    for nd in element.findall("nd"):
+        keys.append(nd.get("ref") or f"{nd.get('lon')} {nd.get('lat')}")
+        if nd.get("lon") is not None and keys[-1] not in places:
+            places[keys[-1]] = _degrees(nd, keys[-1], path)
+    return tuple(keys)
 
 
 def _on_one_floor(ways: list[_Element]) -> tuple[_Element, ...]:
@@ -204,7 +219,10 @@ def _on_one_floor(ways: list[_Element]) -> tuple[_Element, ...]:
 
 
 def _multipolygons(
-    root: ElementTree.Element, ways: Mapping[str, tuple[str, ...]], path: Path
+    root: ElementTree.Element,
+    ways: Mapping[str, tuple[str, ...]],
+    places: dict[str, tuple[float, float]],
+    path: Path,
 ) -> Iterator[_Element]:
     """The outlines of rooms that are multipolygons, each with the holes of its relation.
 
@@ -218,7 +236,7 @@ def _multipolygons(
             continue
         lines: dict[bool, list[tuple[str, ...]]] = {False: [], True: []}
         for member in relation.findall("member"):
-            line = ways.get(member.get("ref", ""), ())
+            line = ways.get(member.get("ref", "")) or _line(member, places, path)
             lines[member.get("role") == "inner"].append(line)
             corners += len(line)
             check_count(str(path), "corners of multipolygons", corners, "vertices")
@@ -226,7 +244,7 @@ def _multipolygons(
         # Every outline is cut by every hole.
         corners += (len(outer) - 1) * sum(map(len, inner)) if inner else 0
         check_count(str(path), "corners of multipolygons", corners, "vertices")
-        for part, ring in enumerate(outer):
+        for part, ring in enumerate(outer or [()]):  # without any line, it is told as one that is not closed
             yield _Element(f"relation/{relation.get('id', '')}/{part}", tags, ring, tuple(inner))
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
 from shapely import box
 
+from layoutexplore.errors import MapWarning
 from layoutexplore.maps import load_plan
 from tests.maps.formats.cases import LEFT, RIGHT, OsmFile, corners, write_osmag
 
@@ -92,3 +94,34 @@ def test_a_hall_around_a_larger_room_is_what_is_left(tmp_path: Path) -> None:
     assert (hall.label, hall.polygon.area) == ("hall", pytest.approx(11.8 * 9.8 - 10.2 * 8.2))
     assert (shop.label, shop.polygon.area) == ("shop", pytest.approx(9.8 * 7.8))
     assert [door.rooms for door in plan.doors] == [(1, 2)]
+
+
+def test_places_may_stand_in_ways_and_relations(tmp_path: Path) -> None:
+    """As Overpass answers `out geom`: no node but the doors, and relations without their ways."""
+    file = OsmFile()
+    ring = [(0, 0), (5, 0), (5, 2), (5, 4), (0, 4), (0, 0)]
+    file.multipolygon([ring[:4], ring[3:]], [(1, 1), (2, 1), (2, 2), (1, 1)], indoor="room", level="0")
+    file.way([(5, 0), (10, 0), (10, 4), (5, 4), (5, 2), (5, 0)], indoor="room", level="0")
+    file.node(5, 2, door="yes", level="0")
+    root = ElementTree.fromstring(file.write(tmp_path / "whole.osm").read_text())
+    nodes = {node.get("id"): node for node in root.iter("node")}
+    ways = {way.get("id"): way for way in root.iter("way")}
+    for nd in root.iter("nd"):
+        nd.attrib |= {key: nodes[nd.get("ref")].get(key, "") for key in ("lon", "lat")}
+    for member in root.iter("member"):
+        way = ways[member.get("ref")]
+        member.extend(ElementTree.Element("nd", {k: nd.get(k, "") for k in ("lon", "lat")}) for nd in way)
+        root.remove(way)
+    for node in [node for node in nodes.values() if not len(node)]:
+        root.remove(node)
+    ElementTree.ElementTree(root).write(tmp_path / "geom.osm")
+    whole, inline = (load_plan(tmp_path / f"{name}.osm") for name in ("whole", "geom"))
+    assert inline.content_hash == whole.content_hash and len(whole.rooms) == 2
+
+
+def test_relations_without_their_ways_are_told(tmp_path: Path) -> None:
+    file = OsmFile()
+    file.way(corners(LEFT), indoor="room", level="0")
+    file.multipolygon([], [], indoor="room", level="0")
+    with pytest.warns(MapWarning, match="1 rooms whose outline is not closed"):
+        assert len(load_plan(file.write(tmp_path / "cut.osm")).rooms) == 1
