@@ -333,11 +333,14 @@ def _opening(part: _Part, names: dict[str, tuple[str, ...]], dropped: Dropped, u
     if length is None:
         corners = shapely.get_coordinates(shape.minimum_rotated_rectangle)
         length = float(np.hypot(*np.diff(corners, axis=0).T).max(initial=0.0))
+    given = _first(part.properties, names["width"])
     try:
-        given = _first(part.properties, names["width"])
         width = float(given) * unit if given else length
     except (TypeError, ValueError):
         width = math.nan
+    if not 0.0 < width <= LONGEST_DOOR and given:
+        dropped.add("doors have a width that is no number of metres up to 10, and are as wide as drawn")
+        width = length
     if not 0.0 < width <= LONGEST_DOOR:
         dropped.add("doors without a usable width are left out")
         return []

@@ -330,3 +330,12 @@ def test_walls_and_doors_may_be_lines_inside_of_an_outline(tmp_path: Path) -> No
     plan = load_plan(write(tmp_path, (box(0, 0, 10, 4), {"type": "building_outline"}), *drawn))
     assert [room.polygon.area for room in plan.rooms] == pytest.approx([4.8 * 3.8] * 2, abs=0.15)
     assert [(door.rooms, round(door.width, 2)) for door in plan.doors] == [((1, 2), 0.9)]
+
+
+@pytest.mark.parametrize("width", ["0.9 m", 90, "wide", -1])
+def test_doors_whose_width_is_unusable_are_as_wide_as_drawn(tmp_path: Path, width: object) -> None:
+    rooms = [(box(0, 0, 5, 4), {}), (box(5, 0, 10, 4), {})]
+    doors = [(LineString([(5, 1), (5, 2.2)]), {"width": width}), (Point(0, 2), {"width": width})]
+    with pytest.warns(MapWarning, match="2 doors have a width that is no number of metres"):
+        plan = load_plan(write(tmp_path, *rooms, *doors))
+    assert [round(door.width, 2) for door in plan.doors] == [1.2, 0.9]
