@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,9 @@ WALL_REACH = 0.75
 MOST_OF_HALF = 0.45
 """Of the width of a door, on either side of its middle: so much at least lies between its two rooms."""
 
+_LEAST_PASSAGE = 0.6
+_TOUCH = 0.02
+
 
 class Opening(NamedTuple):
     """A door as a file tells of it: where, how wide, and the rooms that it joins if the file says so."""
@@ -60,6 +64,7 @@ def plan_from_outlines(
     name: str,
     building: str = "",
     metadata: Mapping[str, str] | None = None,
+    walls: Sequence[LineString] = (),
 ) -> FloorPlan:
     """A floor plan of rooms that share their outlines.
 
@@ -70,12 +75,13 @@ def plan_from_outlines(
         name: The plan's name.
         building: The building's name.
         metadata: Where it comes from.
+        walls: Further lines in the middle of walls.
 
     Raises:
         MapError: There is no room, or there are more rooms, doors, corners or crossings than the limits.
 
     Warns:
-        MapWarning: Doors that lie on no wall are left out.
+        MapWarning: Doors that lie on no wall are left out, or rooms of which others leave nothing but walls.
 
     Example:
         >>> rooms = {1: shapely.box(0, 0, 4, 3), 2: shapely.box(4, 0, 8, 3)}
@@ -87,12 +93,14 @@ def plan_from_outlines(
         raise MapError(f"{name}: there is no room on this floor")
     shapes = list(outlines.values())
     check_plan(name, shapes, openings)
-    check_outlines(name, shapes, shared=True)
+    check_outlines(name, [*shapes, *walls], shared=True)
     check_overlaps(name, shapes)
+    outlines = _without_sums(outlines, name)
+    shapes = list(outlines.values())
     # Distances are measured in C, ten of them a microsecond.
     check_work(name, "doors and rooms", 0.1 * len(openings) * shapely.get_num_coordinates(shapes).sum())
-    walls = walls_along(shapes, name)
-    rooms, scraps = floors_between(dict(outlines), walls, {k: labels.get(k, "") for k in outlines})
+    solid = walls_along(shapes, name, walls)
+    rooms, scraps = floors_between(dict(outlines), solid, {k: labels.get(k, "") for k in outlines})
     rings = shapely.STRtree([rings_of(outline) for outline in shapes])
     shapely.prepare([*rings.geometries, *shapes])
     placed = [_place(outlines, rings, opening) for opening in openings]
@@ -107,11 +115,33 @@ def plan_from_outlines(
             building=building,
             rooms=rooms,
             doors=doors,
-            walls=walls,
+            walls=solid,
             passages=scraps,
             metadata=metadata or {},
         )
     )
+
+
+def _without_sums(outlines: Mapping[int, Polygon], name: str) -> dict[int, Polygon]:
+    """The outlines without those of buildings and floors, of which rooms inside leave nothing but walls."""
+    shapes = np.array(list(outlines.values()), object)
+    tree, areas = shapely.STRtree(shapes), shapely.area(shapes)
+    kept = {}
+    for (number, outline), area in zip(outlines.items(), areas.tolist(), strict=True):
+        inside = np.sort(tree.query(outline, "intersects"))
+        inside = inside[areas[inside] < area]
+        left: BaseGeometry = outline
+        if areas[inside].sum() > 0.5 * area:
+            left = outline.difference(shapely.union_all(shapes[inside])).buffer(-CLOSED_GAP / 2)
+        if not left.is_empty:
+            kept[number] = outline
+    if lost := len(outlines) - len(kept):
+        warnings.warn(
+            f"{name}: {lost} of {len(outlines)} rooms are the sum of others and are left out",
+            MapWarning,
+            stacklevel=3,
+        )
+    return kept or dict(outlines)
 
 
 def with_cut_doors(plan: FloorPlan) -> FloorPlan:
@@ -175,13 +205,13 @@ def rings_of(outline: Polygon) -> BaseGeometry:
     return shapely.MultiLineString([outline.exterior, *outline.interiors])
 
 
-def walls_along(outlines: list[Polygon], name: str) -> BaseGeometry:
-    """Walls along all outlines of the plan of a name, and what fills the slits between neighbouring rooms.
+def walls_along(outlines: list[Polygon], name: str, further: Sequence[LineString] = ()) -> BaseGeometry:
+    """Walls along all outlines of the plan of a name and further lines, and the slits between its rooms.
 
     Raises:
         MapError: The outlines lie so close to each other that walls of this thickness are a single tangle.
     """
-    lines = shapely.union_all([rings_of(outline) for outline in outlines])
+    lines = shapely.union_all([*map(rings_of, outlines), *further])
     rooms = shapely.union_all(outlines)
     check_crowding(name, [lines], WALL_THICKNESS)
     check_crowding(name, [rooms], CLOSED_GAP)
@@ -195,12 +225,18 @@ def walls_along(outlines: list[Polygon], name: str) -> BaseGeometry:
 def floors_between(
     outlines: dict[int, Polygon], walls: BaseGeometry, labels: dict[int, str]
 ) -> tuple[tuple[Room, ...], BaseGeometry]:
-    """Rooms up to the faces of their walls, and the scraps of floor that a wall cuts off."""
+    """Rooms up to the faces of their walls, and the scraps of floor that a wall cuts off.
+
+    Of a room around others, what lies inside of those is theirs, however large it is.
+    """
     rooms, scraps = [], []
-    near = _Nearby(walls)
+    near, shapes = _Nearby(walls), np.array(list(outlines.values()), object)
+    tree = shapely.STRtree(shapes)
     for number, outline in outlines.items():
         found = polygons_of(outline.difference(near.around(outline)))
-        parts = sorted(found, key=lambda part: -part.area) or [outline]
+        inside = np.sort(tree.query(outline, "contains")).tolist() if len(found) > 1 else list[int]()
+        others = shapely.union_all([shapes[k] for k in inside if shapes[k].area < outline.area])
+        parts = sorted(found, key=lambda part: (-part.difference(others).area, -part.area)) or [outline]
         rooms.append(Room(id=number, polygon=parts[0], label=labels[number]))
         scraps.extend(parts[1:])
     # Rooms around each other are cut into the same scraps over and over.
@@ -231,6 +267,40 @@ class _Nearby:
             met = holes[np.sort(tree.query(shape))]
             parts.append(polygon if len(met) == len(holes) else Polygon(polygon.exterior, met))
         return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
+
+
+def open_borders(rooms: Mapping[int, Polygon], solid: BaseGeometry) -> Iterator[Opening]:
+    """Openings where two rooms touch, or one begins inside of a later one, and no wall is.
+
+    Args:
+        rooms: Room id -> outline.
+        solid: Walls that are there.
+
+    Example:
+        >>> rooms = {1: shapely.box(0, 0, 4, 3), 2: shapely.box(4, 0, 8, 3)}
+        >>> [(opening.place, round(opening.width, 3)) for opening in open_borders(rooms, Polygon())]
+        [((4.0, 1.5), 2.8)]
+    """
+    numbers, shapes = list(rooms), np.array(list(rooms.values()), object)
+    wide = [shape.buffer(2 * _TOUCH) for shape in shapes]
+    one, other = shapely.STRtree(shapes).query(shapes, "dwithin", _TOUCH)
+    for i, j in zip(one.tolist(), other.tolist(), strict=True):
+        if i >= j:
+            continue
+        border = shapes[i].exterior.intersection(wide[j]).difference(solid)
+        for line in _straight(border):
+            if line.length >= _LEAST_PASSAGE + WALL_THICKNESS:
+                middle = line.interpolate(0.5, normalized=True)
+                yield Opening((middle.x, middle.y), line.length - WALL_THICKNESS, (numbers[i], numbers[j]))
+
+
+def _straight(lines: BaseGeometry) -> Iterator[LineString]:
+    """The straight pieces of lines."""
+    merged = shapely.line_merge(lines).simplify(_TOUCH)
+    for part in shapely.get_parts(merged):
+        if part.geom_type == "LineString":
+            for a, b in pairwise(np.asarray(part.coords)):
+                yield LineString([a, b])
 
 
 def place_door(

@@ -268,7 +268,9 @@ def _parse(path: Path, image_anywhere: bool) -> _RosMap:
     entries = _RosMap(
         image=_find_image(path, str(data["image"]), image_anywhere),
         resolution=_number(data["resolution"], "resolution", path),
-        origin=Pose(*(_number(value, "origin", path) for value in origin)),
+        origin=Pose(
+            _number(origin[0], "origin", path), _number(origin[1], "origin", path), _yaw(origin[2], path)
+        ),
         negate=bool(_number(data.get("negate", 0), "negate", path)),
         occupied_thresh=_number(data.get("occupied_thresh", _OCCUPIED_THRESHOLD), "occupied_thresh", path),
         free_thresh=_number(data.get("free_thresh", _FREE_THRESHOLD), "free_thresh", path),
@@ -284,6 +286,14 @@ def _parse(path: Path, image_anywhere: bool) -> _RosMap:
     if not 0 <= entries.free_thresh < entries.occupied_thresh <= 1:
         raise MapError(f"{path}: needs 0 <= free_thresh < occupied_thresh <= 1")
     return entries
+
+
+def _yaw(value: Any, path: Path) -> float:
+    """The yaw of a map's origin; what `map_saver` writes as nan was no rotation, and is none."""
+    if str(value).strip().lower().lstrip("-+.") == "nan":
+        warnings.warn(f"{path}: the yaw of the origin is {value} and is read as 0", MapWarning, stacklevel=6)
+        return 0.0
+    return _number(value, "origin", path)
 
 
 def _number(value: Any, name: str, path: Path) -> float:

@@ -2,8 +2,9 @@
 
 What a feature is may stand in a property (`kind`); without one, polygons are rooms, and lines of up to 10 m
 and points are doors. A door drawn as a line is as wide as the line, one drawn as a polygon as wide as its
-longer side, a point 0.9 m. The names of the properties are the user's: `columns` says which mean what.
-Coordinates are metres; degrees and Web Mercator are projected (`coordinates`).
+longer side, a point 0.9 m. The names of the properties are the user's: `columns` says which mean what. Where
+a feature has the tag `indoor` of OpenStreetMap, the tags of all say what they are. Coordinates are metres;
+degrees and Web Mercator are projected (`coordinates`).
 """
 
 from __future__ import annotations
@@ -26,10 +27,12 @@ from layoutexplore.files.reading import is_file
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.coordinates import declared_crs, in_metres
+from layoutexplore.maps.formats.levels import numbers_of
+from layoutexplore.maps.formats.osm import INDOOR_ROOMS, WITHOUT_WALLS, open_between
 from layoutexplore.maps.formats.polygons import LEAST_ROOM, Dropped, geometry_of, mended, room_parts
 from layoutexplore.maps.formats.wall_plans import plan_from_walls
-from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
-from layoutexplore.maps.sizes import check_count, check_outlines
+from layoutexplore.maps.shared_walls import DOOR_WIDTH, WALL_THICKNESS, Opening, plan_from_outlines
+from layoutexplore.maps.sizes import check_count, check_crowding, check_outlines
 
 COLUMNS = {
     "room": ("label", "name", "Name", "NAME", "room"),
@@ -102,6 +105,8 @@ def load_foreign_geojson(
     if not isinstance(features, list):
         raise MapError(f"{path}: must be a GeoJSON FeatureCollection")
     parts = list(_parts(features, names, dropped))
+    if not columns and any(part.properties.get("indoor") in INDOOR_ROOMS for part in parts):
+        parts = _of_openstreetmap(parts, path, dropped)
     _check_one_floor(parts, path)
     shapes = in_metres([part.geometry for part in parts], path, declared_crs(data), unit)
     parts = [part._replace(geometry=shape) for part, shape in zip(parts, shapes, strict=True)]
@@ -114,26 +119,43 @@ def load_foreign_geojson(
         check_outlines(str(path), floor)
         whole = [polygon for part in floor for polygon in mended(part, dropped)]
         return _from_walls(path, parts, shapely.union_all(whole), dropped, building, metadata)
+    return _from_areas(path, parts, names, dropped, unit or 1.0, building, metadata)
+
+
+def _from_areas(
+    path: Path,
+    parts: list[_Part],
+    names: dict[str, tuple[str, ...]],
+    dropped: Dropped,
+    unit: float,
+    building: str,
+    metadata: dict[str, str],
+) -> FloorPlan:
+    """A plan of rooms as polygons."""
     outlines: dict[int, Polygon] = {}
     labels: dict[int, str] = {}
     openings: list[Opening] = []
+    bare: list[int] = []
     check_count(str(path), "areas", sum(_is_room(part) for part in parts))
     for part in parts:
         if part.kind in DOOR_KINDS or (not part.kind and part.geometry.geom_type != "Polygon"):
-            openings += _opening(part, names, dropped, unit or 1.0)
+            openings += _opening(part, names, dropped, unit)
         elif not _is_room(part):
             dropped.add(f"{part.geometry.geom_type} features of kind {shortened(part.kind)} are left out")
         else:
             for outline in room_parts(part.geometry, dropped):
-                labels[len(outlines) + 1] = str(_first(part.properties, names["room"]) or "")
-                outlines[len(outlines) + 1] = outline
+                number = len(outlines) + 1
+                labels[number] = str(_first(part.properties, names["room"]) or "")
+                outlines[number] = outline
+                bare += [number] if part.properties.get("indoor") in WITHOUT_WALLS else []
     dropped.warn()
     if not outlines:
         raise MapError(f"{path}: no polygon that could be a room (--column kind=NAME names the property)")
+    openings += open_between(str(path), outlines, bare, openings) if bare else []
     plan = plan_from_outlines(
         outlines, labels, openings, name=path.stem, building=building, metadata=metadata
     )
-    _tell_overlaps(outlines, path)  # with numbers of rooms and pairs that are within the limits
+    _tell_overlaps({room.id: outlines[room.id] for room in plan.rooms}, path)  # numbers are within the limits
     return plan
 
 
@@ -178,12 +200,17 @@ def _from_walls(
     building: str,
     metadata: dict[str, str],
 ) -> FloorPlan:
-    """A plan of walls and doors with a thickness inside of an outline of the floor."""
-    solid, doors, places = list[BaseGeometry](), list[LineString](), list[tuple[str, Polygon]]()
+    """A plan of walls and doors, with a thickness or as lines, inside of an outline of the floor."""
+    solid, lines = list[BaseGeometry](), list[LineString]()
+    doors, places = list[LineString](), list[tuple[str, Polygon]]()
     for part in parts:
         if part.kind in FLOOR_KINDS:
             continue
-        if part.geometry.geom_type != "Polygon":
+        if isinstance(part.geometry, LineString) and part.kind in DOOR_KINDS:
+            doors.append(LineString([part.geometry.coords[0], part.geometry.coords[-1]]))
+        elif isinstance(part.geometry, LineString) and part.kind in SOLID_KINDS:
+            lines.append(part.geometry)
+        elif part.geometry.geom_type != "Polygon":
             dropped.add(f"{part.geometry.geom_type} features of kind {shortened(part.kind)} are left out")
         elif part.kind in DOOR_KINDS:
             doors.append(_middle_line(part.geometry))
@@ -193,7 +220,9 @@ def _from_walls(
             label = str(_first(part.properties, COLUMNS["room"]) or part.kind)
             places += [(label, area) for area in mended(part.geometry, dropped)]
     dropped.warn()
-    check_outlines(str(path), solid)
+    check_outlines(str(path), [*solid, *lines])
+    check_crowding(str(path), lines, WALL_THICKNESS)
+    solid += [line.buffer(WALL_THICKNESS / 2, cap_style="square", join_style="mitre") for line in lines]
     return plan_from_walls(
         floor,
         shapely.union_all(solid),
@@ -240,9 +269,34 @@ def _parts(features: list[Any], names: dict[str, tuple[str, ...]], dropped: Drop
             yield _Part(kind, properties, single)
 
 
+def _of_openstreetmap(parts: list[_Part], path: Path, dropped: Dropped) -> list[_Part]:
+    """The rooms and doors among features with tags of OpenStreetMap, if all rooms share a floor."""
+    found, floors = list[tuple[_Part, frozenset[str]]](), list[frozenset[str]]()
+    for part in parts:
+        kind = str(part.properties.get("indoor") or "").lower()
+        level = numbers_of(str(part.properties.get("level") or ""))
+        if kind in INDOOR_ROOMS:
+            floors += [level] if level else []
+        elif any(isinstance(part.properties.get(tag), str) for tag in ("door", "entrance")):
+            kind = "door"
+        else:
+            dropped.add("features that are no rooms, corridors, areas or doors by their tags are left out")
+            continue
+        found.append((part._replace(kind=kind), level))
+    common = frozenset.intersection(*floors) if floors else frozenset()
+    if floors and not common:
+        several = ", ".join(sorted(frozenset.union(*floors), key=float)[:20])
+        raise MapError(
+            f"{path}: its rooms are on several floors (level {several}), which would lie on each other: save "
+            "each floor in a file of its own, or all as OpenStreetMap XML (.osm), of which one floor is read"
+        )
+    return [part for part, level in found if not (level and common) or level & common]
+
+
 def _check_one_floor(parts: list[_Part], path: Path) -> None:
     """Raise `MapError` where features say that they are on several floors: all would lie on each other."""
-    floors = {str(part.properties["level_id"]) for part in parts if part.properties.get("level_id")}
+    told = [_first(part.properties, ("level_id", "LEVEL_ID")) for part in parts]  # IMDF, ArcGIS Indoors
+    floors = {str(level) for level in told if level}
     if len(floors) > 1:
         whole = is_file(path.with_name("level.geojson"))
         advice = f"give the folder {path.parent}" if whole else "give the folder of all files of the building"
@@ -279,11 +333,14 @@ def _opening(part: _Part, names: dict[str, tuple[str, ...]], dropped: Dropped, u
     if length is None:
         corners = shapely.get_coordinates(shape.minimum_rotated_rectangle)
         length = float(np.hypot(*np.diff(corners, axis=0).T).max(initial=0.0))
+    given = _first(part.properties, names["width"])
     try:
-        given = _first(part.properties, names["width"])
         width = float(given) * unit if given else length
     except (TypeError, ValueError):
         width = math.nan
+    if not 0.0 < width <= LONGEST_DOOR and given:
+        dropped.add("doors have a width that is no number of metres up to 10, and are as wide as drawn")
+        width = length
     if not 0.0 < width <= LONGEST_DOOR:
         dropped.add("doors without a usable width are left out")
         return []

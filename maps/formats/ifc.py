@@ -14,11 +14,9 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
@@ -31,7 +29,7 @@ from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.levels import choose_level
 from layoutexplore.maps.formats.polygons import Dropped, room_parts
-from layoutexplore.maps.shared_walls import WALL_THICKNESS, Opening, plan_from_outlines
+from layoutexplore.maps.shared_walls import WALL_THICKNESS, Opening, open_borders, plan_from_outlines
 from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines, check_overlaps
 
 SECONDS = 600.0
@@ -49,10 +47,8 @@ ONE_ROOM = 0.65
 _PAIRS = 10
 """Pairs of spaces that touch or overlap, over the limit of rooms."""
 
-_TOUCH = 0.02
 _SNAP = 1e-4
 _HAIR = 1e-3
-_LEAST_PASSAGE = 0.6
 _PLACE = Number(low=-MOST_METRES, high=MOST_METRES)
 _OUTLINE = Text(most=32_000_000)
 _FLOOR = Record(
@@ -97,6 +93,11 @@ def load_ifc(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     """
     path = Path(path)
     levels, without_shape = _levels(path)
+    if not levels:
+        raise MapError(
+            f"{path}: no floor in this model: none of its storeys has a space (IfcSpace) with a shape, "
+            f"{without_shape} have none: export rooms or zones as well, with their volumes"
+        )
     name = choose_level(path, level, list(levels))
     where, floor = f"{path}#{name}", levels[name]
     dropped = Dropped(where)
@@ -114,7 +115,7 @@ def load_ifc(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     rooms = _rooms(spaces, solid, dropped)
     floors = {number: room for number, (_, room) in rooms.items()}
     openings = list(_doors(floor["openings"], list(floors.values()), dropped))
-    for opening in _open_borders(floors, solid):
+    for opening in open_borders(floors, solid):
         openings.append(opening)
         check_count(where, "doors and open borders", len(openings))
     dropped.warn()
@@ -236,27 +237,3 @@ def _to_the_middle(room: Polygon) -> Polygon:
     # On a grid, so that lines of neighbours are the same.
     outline = room.buffer(WALL_THICKNESS / 2, join_style="mitre")
     return polygons_of(shapely.set_precision(outline, _SNAP))[0]
-
-
-def _open_borders(rooms: Mapping[int, Polygon], solid: BaseGeometry) -> Iterator[Opening]:
-    """Openings where two rooms touch and no wall is."""
-    numbers, shapes = list(rooms), list(rooms.values())
-    wide = [shape.buffer(2 * _TOUCH) for shape in shapes]
-    one, other = shapely.STRtree(shapes).query(shapes, predicate="dwithin", distance=_TOUCH)
-    for i, j in zip(one.tolist(), other.tolist(), strict=True):
-        if i >= j:
-            continue
-        border = shapes[i].exterior.intersection(wide[j]).difference(solid)
-        for line in _straight(border):
-            if line.length >= _LEAST_PASSAGE + WALL_THICKNESS:
-                middle = line.interpolate(0.5, normalized=True)
-                yield Opening((middle.x, middle.y), line.length - WALL_THICKNESS, (numbers[i], numbers[j]))
-
-
-def _straight(lines: BaseGeometry) -> Iterator[shapely.LineString]:
-    """The straight pieces of lines."""
-    merged = shapely.line_merge(lines).simplify(_TOUCH)
-    for part in shapely.get_parts(merged):
-        if part.geom_type == "LineString":
-            for a, b in pairwise(np.asarray(part.coords)):
-                yield shapely.LineString([a, b])

@@ -44,7 +44,7 @@ def is_imdf(path: str | os.PathLike[str]) -> bool:
 
 @checks_arguments
 def imdf_levels(path: str | os.PathLike[str]) -> list[str]:
-    """The names of the floors, by building and height: "BUILDING/FLOOR" where there are several buildings."""
+    """The floors with units, by building and height: "BUILDING/FLOOR" where there are several buildings."""
     return list(_levels(Path(path)))
 
 
@@ -64,6 +64,8 @@ def load_imdf(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     """
     path = Path(path)
     levels = _levels(path)
+    if not levels:
+        raise MapError(f"{path}: no floor in this folder: none of its units has the level_id of a level")
     name = choose_level(path, level, list(levels))
     dropped = Dropped(f"{path}#{name}")
     units = _features(path / "unit.geojson", levels[name])
@@ -108,13 +110,18 @@ def load_imdf(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
 def _levels(path: Path) -> dict[str, str]:
     """Id of the level of each floor's name, buildings in the order of their ids, floors from below."""
     found = []
+    # Grounds outside and roofs are levels, too, as a rule without a unit.
+    used = {str(unit["properties"].get("level_id")) for unit in _features(path / "unit.geojson")}
     for feature in _features(path / "level.geojson", schema=_FLOORS):
         properties = feature["properties"]
+        key = str(feature["id"] if feature.get("id") is not None else properties.get("id"))  # as a GIS has it
+        if key not in used:
+            continue
         names = properties.get("short_name") or properties.get("name") or {}
         name = next(iter(names.values()), None) if isinstance(names, dict) else names
         home = str(next(iter(properties.get("building_ids") or [""])))[:8]
         ordinal = float(properties.get("ordinal") or 0)
-        found.append((home, ordinal, str(name or "")[:_LONGEST_NAME], str(feature.get("id"))))
+        found.append((home, ordinal, str(name or "")[:_LONGEST_NAME], key))
     several = len({home for home, *_ in found}) > 1
     levels = {}
     for home, ordinal, name, key in sorted(found):

@@ -1,8 +1,10 @@
 """OpenStreetMap XML of buildings: simple indoor tagging, and area graphs (osmAG), one floor at a time.
 
 Simple indoor tagging: a room is a closed way, or a multipolygon, with `indoor` = room, corridor or area, a
-door a node with `door` on the outline that two ways share. osmAG: a room is a way with `osmAG:areaType` =
-room, a door a way of two nodes with `osmAG:type` = passage that names its two areas. Walls have no thickness.
+door a node with `door` on the outline that two ways share. Corridors and areas have no walls of their own:
+where two of them meet without a door it is open. Ways with `indoor` = wall are walls. osmAG: a room is a way
+with `osmAG:areaType` = room, corridor, stairs or elevator, a door a way of two nodes with `osmAG:type` =
+passage that tells its two areas by their ids or names. Walls have no thickness.
 """
 
 from __future__ import annotations
@@ -10,14 +12,14 @@ from __future__ import annotations
 import math
 import os
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import LineString, Polygon
 
 from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.files.markup import read_xml
@@ -26,10 +28,18 @@ from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.geographic import LocalFrame
 from layoutexplore.maps.formats.levels import choose_level, numbers_of
 from layoutexplore.maps.formats.polygons import Dropped, room_parts
-from layoutexplore.maps.shared_walls import DOOR_WIDTH, Opening, plan_from_outlines
-from layoutexplore.maps.sizes import check_count
+from layoutexplore.maps.shared_walls import (
+    DOOR_WIDTH,
+    WALL_THICKNESS,
+    Opening,
+    open_borders,
+    plan_from_outlines,
+)
+from layoutexplore.maps.sizes import check_count, check_outlines, check_overlaps
 
 INDOOR_ROOMS = ("room", "corridor", "area")
+WITHOUT_WALLS = ("corridor", "area")
+AREA_ROOMS = ("room", "corridor", "stairs", "elevator")
 
 
 @dataclass(frozen=True)
@@ -48,12 +58,17 @@ class _Element:
     @property
     def is_room(self) -> bool:
         if "osmAG:type" in self.tags:
-            return self.tags.get("osmAG:areaType") == "room"
+            return self.tags.get("osmAG:areaType") in AREA_ROOMS
         return self.tags.get("indoor") in INDOOR_ROOMS
 
     @property
+    def has_walls(self) -> bool:
+        return "osmAG:type" in self.tags or self.tags.get("indoor") not in WITHOUT_WALLS
+
+    @property
     def label(self) -> str:
-        return self.tags.get("room") or ("corridor" if self.tags.get("indoor") == "corridor" else "")
+        kind = self.tags.get("osmAG:areaType") or self.tags.get("indoor", "")
+        return self.tags.get("room") or (kind if kind in ("corridor", "stairs", "elevator") else "")
 
 
 @dataclass(frozen=True)
@@ -112,7 +127,9 @@ def load_osm(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     levels, unplaced = _levels(building, path), sum(way.is_room and not way.levels for way in building.ways)
     if not levels:
         lack = f"none of its {unplaced} rooms has a level in numbers (tag level=0)"
-        raise MapError(f"{path}: no floor in this file: {lack if unplaced else 'it has no rooms'}")
+        raise MapError(
+            f"{path}: no floor in this file: {lack if unplaced else 'it has no rooms (tag indoor=room)'}"
+        )
     name = choose_level(path, level, levels)
     dropped = Dropped(f"{path}#{name}")
     for _ in range(unplaced):
@@ -136,11 +153,15 @@ def load_osm(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
             rooms.outlines[numbers[-1]] = outline
         rooms.of_ways.append((way, numbers))
     openings = [*_doors(building, name, rooms, frame, path), *_passages(building, name, rooms, frame, path)]
+    walls = _walls(building, name, frame)
+    bare = [number for way, numbers in rooms.of_ways if not way.has_walls for number in numbers]
+    openings += open_between(dropped.path, rooms.outlines, bare, openings, walls)
     dropped.warn()
     return plan_from_outlines(
         rooms.outlines,
         {number: way.label for way, numbers in rooms.of_ways for number in numbers},
         openings,
+        walls=walls,
         name=f"{path.stem}-{name}",
         building=path.stem,
         metadata={"format": "OpenStreetMap", "level": name},
@@ -152,27 +173,56 @@ def _read(path: Path) -> _Building:
     root = read_xml(path)
     if root.tag != "osm":
         raise MapError(f"{path}: must be OpenStreetMap XML (<osm>), got {shortened(root.tag)}")
-    places, nodes = {}, []
+    for kind in ("node", "way", "relation"):
+        for element in [each for each in root.findall(kind) if each.get("action") == "delete"]:
+            root.remove(element)  # JOSM saves with it what is deleted and not uploaded yet
+    places, nodes = dict[str, tuple[float, float]](), list[_Element]()
     for node in root.iter("node"):
         key = node.get("id", "")
-        try:
-            places[key] = float(node.get("lon", "")), float(node.get("lat", ""))
-        except ValueError:
-            places[key] = math.nan, math.nan
-        if not all(abs(degrees) <= 360 for degrees in places[key]):
-            raise MapError(f"{path}: node {shortened(key)} has no usable lon and lat")
+        places[key] = _degrees(node, key, path)
         if tags := _tags(node):
             nodes.append(_Element(key, tags, (key,)))
-    ways = [
-        _Element(way.get("id", ""), _tags(way), tuple(nd.get("ref", "") for nd in way.findall("nd")))
-        for way in root.iter("way")
-    ]
-    areas = _multipolygons(root, {way.key: way.nodes for way in ways}, path)
-    return _Building(places, tuple(nodes), (*ways, *areas))
+    ways = [_Element(way.get("id", ""), _tags(way), _line(way, places, path)) for way in root.iter("way")]
+    areas = list(_multipolygons(root, {way.key: way.nodes for way in ways}, places, path))
+    return _Building(places, tuple(nodes), _on_one_floor([*ways, *areas]))
+
+
+def _degrees(element: ElementTree.Element, key: str, path: Path) -> tuple[float, float]:
+    """The longitude and latitude of a node."""
+    try:
+        place = float(element.get("lon", "")), float(element.get("lat", ""))
+    except ValueError:
+        place = math.nan, math.nan
+    if not all(abs(degrees) <= 360 for degrees in place):
+        raise MapError(f"{path}: node {shortened(key)} has no usable lon and lat")
+    return place
+
+
+def _line(
+    element: ElementTree.Element, places: dict[str, tuple[float, float]], path: Path
+) -> tuple[str, ...]:
+    """The nodes of a way; Overpass writes their places here where it was asked for geometry (`out geom`)."""
+    keys = []
+    for nd in element.findall("nd"):
+        keys.append(nd.get("ref") or f"{nd.get('lon')} {nd.get('lat')}")
+        if nd.get("lon") is not None and keys[-1] not in places:
+            places[keys[-1]] = _degrees(nd, keys[-1], path)
+    return tuple(keys)
+
+
+def _on_one_floor(ways: list[_Element]) -> tuple[_Element, ...]:
+    """The ways; the rooms of an area graph that says nothing of levels are on floor 0."""
+    rooms = [way for way in ways if way.is_room]
+    if any("osmAG:type" not in way.tags or "level" in way.tags for way in rooms):
+        return tuple(ways)
+    return tuple(replace(way, tags={**way.tags, "level": "0"}) if way.is_room else way for way in ways)
 
 
 def _multipolygons(
-    root: ElementTree.Element, ways: Mapping[str, tuple[str, ...]], path: Path
+    root: ElementTree.Element,
+    ways: Mapping[str, tuple[str, ...]],
+    places: dict[str, tuple[float, float]],
+    path: Path,
 ) -> Iterator[_Element]:
     """The outlines of rooms that are multipolygons, each with the holes of its relation.
 
@@ -186,7 +236,7 @@ def _multipolygons(
             continue
         lines: dict[bool, list[tuple[str, ...]]] = {False: [], True: []}
         for member in relation.findall("member"):
-            line = ways.get(member.get("ref", ""), ())
+            line = ways.get(member.get("ref", "")) or _line(member, places, path)
             lines[member.get("role") == "inner"].append(line)
             corners += len(line)
             check_count(str(path), "corners of multipolygons", corners, "vertices")
@@ -194,7 +244,7 @@ def _multipolygons(
         # Every outline is cut by every hole.
         corners += (len(outer) - 1) * sum(map(len, inner)) if inner else 0
         check_count(str(path), "corners of multipolygons", corners, "vertices")
-        for part, ring in enumerate(outer):
+        for part, ring in enumerate(outer or [()]):  # without any line, it is told as one that is not closed
             yield _Element(f"relation/{relation.get('id', '')}/{part}", tags, ring, tuple(inner))
 
 
@@ -278,19 +328,68 @@ def _passages(
     building: _Building, level: str, rooms: _Rooms, frame: LocalFrame, path: Path
 ) -> Iterator[Opening]:
     """Ways that are passages of an area graph, between areas of this floor or out of one; errors as above."""
-    numbers = {way.key: found for way, found in rooms.of_ways}
+    numbers: dict[str, list[int]] = {}
+    for way, found in rooms.of_ways:
+        numbers.setdefault(way.tags.get("name", ""), []).extend(found)
+    # JOSM gives new ids when it saves: what it has edited names areas by their names.
+    numbers |= {way.key: found for way, found in rooms.of_ways}
     passages = []
     for way in building.ways:
         if way.tags.get("osmAG:type") != "passage" or (way.levels and level not in way.levels):
             continue
-        sides = [numbers.get(way.tags.get(f"osmAG:{end}", ""), []) for end in ("from", "to")]
+        sides = [numbers.get(way.tags.get(f"osmAG:{end}") or "?", []) for end in ("from", "to")]
         if any(sides):  # else stairs to another floor, or a passage of the ground outside
             passages.append((way, sides))
     check_count(str(path), "passages", len(passages))
     for way, sides in passages:
         points = frame.to_metres(building.points(way))
-        line = shapely.LineString(points) if len(points) > 1 else None
+        line = LineString(points) if len(points) > 1 else None
         if line is not None and line.length > 0:
             middle = line.interpolate(0.5, normalized=True)
             one, other = sorted(rooms.nearest(side, middle.x, middle.y) for side in sides)
             yield Opening((middle.x, middle.y), float(line.length), (one, other))
+
+
+def _walls(building: _Building, level: str, frame: LocalFrame) -> list[LineString]:
+    """Ways of this floor that are walls."""
+    walls = [way for way in building.ways if way.tags.get("indoor") == "wall" and level in way.levels]
+    lines = [frame.to_metres(building.points(way)) for way in walls]
+    return [LineString(line) for line in lines if len(line) > 1]
+
+
+@checks_arguments
+def open_between(
+    where: str,
+    outlines: Mapping[int, Polygon],
+    bare: Sequence[int],
+    doors: Sequence[Opening],
+    walls: Sequence[LineString] = (),
+) -> list[Opening]:
+    """Openings as wide as the borders of rooms without walls of their own, where neither door nor wall is.
+
+    Args:
+        where: The file, for messages.
+        outlines: Room id -> outline in metres.
+        bare: Ids of the rooms without walls: corridors and areas.
+        doors: Those that there are; where two rooms have one, the rest of their border is wall.
+        walls: Lines in the middle of walls.
+
+    Raises:
+        MapError: The outlines are more or cross more often than the limits, or the openings are too many.
+    """
+    check_outlines(where, [*outlines.values(), *walls], shared=True)
+    check_overlaps(where, list(outlines.values()))
+    ordered = sorted(bare, key=lambda number: outlines[number].area)  # what lies in another comes first
+    places = shapely.STRtree([shapely.Point(door.place) for door in doors])
+    solid = shapely.union_all([line.buffer(WALL_THICKNESS / 2) for line in walls])
+    shut: dict[tuple[int, int], bool] = {}
+    found = []
+    for opening in open_borders({number: outlines[number] for number in ordered}, solid):
+        pair = opening.rooms or (0, 0)
+        if pair not in shut:
+            near = (set(places.query(outlines[side], "dwithin", WALL_THICKNESS).tolist()) for side in pair)
+            shut[pair] = bool(set.intersection(*near))
+        if not shut[pair]:
+            found.append(opening)
+            check_count(where, "doors and open borders", len(doors) + len(found))
+    return found

@@ -1,14 +1,16 @@
 """Building files of Open-RMF's traffic editor (`NAME.building.yaml`), one level at a time.
 
 Vertices are pixels of a drawing with y down; walls and doors are pairs of vertices, and `measurements` of
-known length give the metres of a pixel. There are no rooms: they are what walls and doors leave of the floor.
-Walls are drawn 0.2 m thick.
+known length give the metres of a pixel, or `fiducials`, places that a level shares with the one of reference.
+With `coordinate_system: cartesian_meters` vertices are metres with y up. There are no rooms: they are what
+walls and doors leave of the floor. Walls are drawn 0.2 m thick.
 """
 
 from __future__ import annotations
 
 import math
 import os
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +31,10 @@ from layoutexplore.maps.shared_walls import WALL_THICKNESS
 from layoutexplore.maps.sizes import MOST_METRES, check_outlines
 
 ENDING = ".building.yaml"
-METRIC = ("cartesian_meters", "wgs84")
+DRAWING, METRES = "reference_image", "cartesian_meters"
+"""Systems of coordinates that are read."""
+
+_MOST_FIDUCIALS = 20
 
 
 @checks_arguments
@@ -41,7 +46,7 @@ def is_rmf(path: str | os.PathLike[str]) -> bool:
 @checks_arguments
 def rmf_levels(path: str | os.PathLike[str]) -> list[str]:
     """The levels that have walls."""
-    return list(_levels(Path(path)))
+    return list(_with_walls(_read(Path(path))["levels"]))
 
 
 @checks_arguments
@@ -59,12 +64,20 @@ def load_rmf(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
         MapWarning: Walls or doors were left out.
     """
     path = Path(path)
-    levels = _levels(path)
+    data = _read(path)
+    levels = _with_walls(data["levels"])
     name = choose_level(path, level, list(levels))
     where, entries = f"{path}#{name}", levels[name]
     dropped = Dropped(where)
     points = _vertices(entries, where)
-    points = points * _scale(entries, points, where) * np.array([1.0, -1.0])
+    if data.get("coordinate_system") != METRES:
+        scale = _scale(entries, where) or _scale_by_fiducials(entries, data, path)
+        if not scale:
+            raise MapError(
+                f"{where}: no usable measurement, so that nobody can say how long a pixel is: draw one in "
+                "the traffic editor, or two fiducials that a level with a measurement has, too"
+            )
+        points = points * scale * np.array([1.0, -1.0])
     lines = _segments(_listed(entries, "walls", where), points, "walls", dropped)
     doors = _segments(_listed(entries, "doors", where), points, "doors", dropped)
     check_outlines(where, [*lines, *doors])
@@ -83,19 +96,26 @@ def load_rmf(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
     )
 
 
-def _levels(path: Path) -> dict[str, dict[str, Any]]:
-    """The levels with walls, by name.
+def _read(path: Path) -> dict[str, Any]:
+    """What the file holds, `levels` by name among it.
 
     Raises:
         MapError: The file cannot be read as such a building.
     """
     data = read_yaml(path, what="building")
     levels = data.get("levels") if isinstance(data, dict) else None
-    if not isinstance(levels, dict):
+    if not isinstance(data, dict) or not isinstance(levels, dict):
         raise MapError(f"{path}: a building needs the entry 'levels'")
-    if data.get("coordinate_system") in METRIC:
-        raise MapError(f"{path}: coordinate_system {data['coordinate_system']} is not read, only drawings")
-    return {str(k): v for k, v in levels.items() if isinstance(v, dict) and v.get("walls")}
+    system = data.get("coordinate_system") or DRAWING
+    if system not in (DRAWING, METRES):
+        raise MapError(
+            f"{path}: coordinate_system {shortened(str(system))} is not read, only {DRAWING} and {METRES}"
+        )
+    return {**data, "levels": {str(k): v for k, v in levels.items() if isinstance(v, dict)}}
+
+
+def _with_walls(levels: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    return {name: entries for name, entries in levels.items() if entries.get("walls")}
 
 
 def _listed(entries: dict[str, Any], key: str, where: str) -> list[Any]:
@@ -124,13 +144,9 @@ def _vertices(entries: dict[str, Any], where: str) -> Floats:
     return points
 
 
-def _scale(entries: dict[str, Any], points: Floats, where: str) -> float:
-    """Metres a pixel: the mean over the measurements.
-
-    Raises:
-        MapError: There is no usable measurement.
-    """
-    found = []
+def _scale(entries: dict[str, Any], where: str) -> float:
+    """Metres a pixel: the mean over the measurements; 0 without a usable one."""
+    points, found = _vertices(entries, where), []
     for measurement in _listed(entries, "measurements", where):
         try:
             a, b, said = measurement[0], measurement[1], measurement[2]["distance"]
@@ -139,9 +155,33 @@ def _scale(entries: dict[str, Any], points: Floats, where: str) -> float:
         except (TypeError, ValueError, IndexError, KeyError, OverflowError, ZeroDivisionError):
             continue
     usable = [scale for scale in found if 0 < scale <= MOST_METRES]
-    if not usable:
-        raise MapError(f"{where}: no usable measurement, so that nobody can say how long a pixel is")
-    return float(np.mean(usable))
+    return float(np.mean(usable)) if usable else 0.0
+
+
+def _scale_by_fiducials(entries: dict[str, Any], data: dict[str, Any], path: Path) -> float:
+    """Metres a pixel by the places that a level shares with that of reference; 0 where there are none."""
+    levels: dict[str, dict[str, Any]] = data["levels"]
+    name = str(data.get("reference_level_name") or next(iter(levels)))
+    reference, where = levels.get(name, {}), f"{path}#{name}"
+    here, there = (_fiducials(level, where) for level in (entries, reference))
+    shared = sorted({*here} & {*there})[:_MOST_FIDUCIALS]
+    pairs = [(math.dist(here[a], here[b]), math.dist(there[a], there[b])) for a, b in combinations(shared, 2)]
+    ratios = [other / one for one, other in pairs if one > 0 and other > 0]
+    scale = _scale(reference, where) * float(np.mean(ratios)) if ratios else 0.0
+    return scale if scale <= MOST_METRES else 0.0
+
+
+def _fiducials(entries: dict[str, Any], where: str) -> dict[str, tuple[float, float]]:
+    """Pixels of the named places of a level; what is none is left out."""
+    found = {}
+    for each in _listed(entries, "fiducials", where):
+        try:
+            place = float(each[0]), float(each[1])
+            if all(abs(value) <= MOST_METRES for value in place):
+                found[str(each[2])[:100]] = place
+        except (TypeError, ValueError, IndexError, KeyError, OverflowError):
+            continue
+    return found
 
 
 def _segments(pairs: list[Any], points: Floats, what: str, dropped: Dropped) -> list[LineString]:

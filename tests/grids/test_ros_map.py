@@ -84,6 +84,8 @@ def test_negate_origin_and_rows(tmp_path: Path) -> None:
     grid = load_grid(write_map(tmp_path, np.array([[255, 0], [0, 0]], np.uint8), text))
     assert grid.cells.tolist() == [[0, 0], [100, 0]]  # the image's top row is the last row
     assert grid.origin == Pose(1.5, -2.0, 0.25)
+    with pytest.warns(MapWarning, match="yaw of the origin is -nan and is read as 0"):
+        assert load_grid(write_map(tmp_path, grid.cells, text.replace("0.25", "-nan"))).origin == (1.5, -2, 0)
 
 
 def test_transparent_is_unknown(tmp_path: Path) -> None:

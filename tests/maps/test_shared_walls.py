@@ -185,15 +185,26 @@ def test_many_houses_apart_are_read() -> None:
 
 def test_rooms_around_each_other_are_cut_or_refused() -> None:
     def nested(count: int) -> dict[int, shapely.Polygon]:
-        return {k + 1: shapely.box(k / 2, k / 2, 900 - k / 2, 900 - k / 2) for k in range(count)}
+        return {k + 1: shapely.box(k, k, 1800 - k, 1800 - k) for k in range(count)}
 
     plan = plan_from_outlines(nested(150), {}, [], name="onion")
-    assert len(plan.rooms) == 150 and plan.passages.area == pytest.approx(
-        plan.area - plan.rooms[-1].polygon.area
-    )
+    areas = [room.polygon.area for room in plan.rooms]
+    assert areas[0] == pytest.approx(1799.8**2 - 1798.2**2) and areas[-1] == pytest.approx(1501.8**2)
+    assert shapely.union_all([room.polygon for room in plan.rooms]).area == pytest.approx(sum(areas))
     for count, said in (
         (250, "31125 pairs of them, and at most 20000"),
         (800, "319600 pairs of rooms of which"),
     ):
         with pytest.raises(MapError, match=f"onion: .*{said}"):
             plan_from_outlines(nested(count), {}, [], name="onion")
+
+
+def test_an_outline_of_which_rooms_leave_nothing_but_walls_is_no_room() -> None:
+    """Rooms up to the faces of walls of 0.3 m, the building around them, and a hall around a room."""
+    rooms = {k: shapely.box(4 * k + 0.3, 0.3, 4 * k + 4, 3.7) for k in range(1, 4)}
+    building, hall = shapely.box(4, 0, 16.3, 4), shapely.box(30, 0, 40, 10)
+    outlines = {9: building, **rooms, 5: hall, 6: shapely.box(31, 1, 39, 9)}
+    with pytest.warns(MapWarning, match="house: 1 of 6 rooms are the sum of others"):
+        plan = plan_from_outlines(outlines, {}, [Opening((8.15, 2.0))], name="house")
+    assert [room.id for room in plan.rooms] == [1, 2, 3, 5, 6]
+    assert [door.rooms for door in plan.doors] == [(1, 2)]

@@ -110,7 +110,7 @@ def test_a_file_with_a_hash_in_its_name_is_a_file(tmp_path: Path) -> None:
 
 REAL = {
     "imdf_spbpu": (443, 472),
-    "osm_dresden/APBorig.osm": (476, 532),
+    "osm_dresden/APBorig.osm": (476, 533),
     "osmag_shanghaitech/ShanghaiTech_merge_2.osm": (262, 313),
     "rmf": (119, 152),
     "westport": (258, 327),

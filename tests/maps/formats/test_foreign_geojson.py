@@ -226,8 +226,9 @@ def test_degrees_are_corrected_by_a_unit(tmp_path: Path) -> None:
         load_plan(path, resolution=1e-5)
 
 
-def test_floors_that_would_lie_on_each_other_are_told(tmp_path: Path) -> None:
-    rooms = [(box(0, 0, 4, 5), {"level_id": "a"}), (box(0, 0, 9, 5), {"level_id": "b"})]
+@pytest.mark.parametrize("key", ["level_id", "LEVEL_ID"])
+def test_floors_that_would_lie_on_each_other_are_told(tmp_path: Path, key: str) -> None:
+    rooms = [(box(0, 0, 4, 5), {key: "a"}), (box(0, 0, 9, 5), {key: "b"})]
     path = write(tmp_path, *rooms, name="unit")
     with pytest.raises(MapError, match=r"on 2 floors .* give the folder of all files"):
         load_plan(path)
@@ -319,3 +320,22 @@ def test_rooms_that_lie_on_each_other_are_told(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert len(load_plan(write(tmp_path, *nested)).rooms) == 3
+
+
+@pytest.mark.filterwarnings("ignore::layoutexplore.errors.MapWarning")
+def test_walls_and_doors_may_be_lines_inside_of_an_outline(tmp_path: Path) -> None:
+    shell = [(0, 0), (10, 0), (10, 4), (0, 4), (0, 0)]
+    lines = {"wall": [shell, [(5, 0), (5, 1)], [(5, 1.9), (5, 4)]], "door": [[(5, 1), (5, 1.9)]]}
+    drawn = [(LineString(line), {"type": kind}) for kind, of_kind in lines.items() for line in of_kind]
+    plan = load_plan(write(tmp_path, (box(0, 0, 10, 4), {"type": "building_outline"}), *drawn))
+    assert [room.polygon.area for room in plan.rooms] == pytest.approx([4.8 * 3.8] * 2, abs=0.15)
+    assert [(door.rooms, round(door.width, 2)) for door in plan.doors] == [((1, 2), 0.9)]
+
+
+@pytest.mark.parametrize("width", ["0.9 m", 90, "wide", -1])
+def test_doors_whose_width_is_unusable_are_as_wide_as_drawn(tmp_path: Path, width: object) -> None:
+    rooms = [(box(0, 0, 5, 4), {}), (box(5, 0, 10, 4), {})]
+    doors = [(LineString([(5, 1), (5, 2.2)]), {"width": width}), (Point(0, 2), {"width": width})]
+    with pytest.warns(MapWarning, match="2 doors have a width that is no number of metres"):
+        plan = load_plan(write(tmp_path, *rooms, *doors))
+    assert [round(door.width, 2) for door in plan.doors] == [1.2, 0.9]

@@ -83,6 +83,14 @@ def test_sums_of_spaces_and_spaces_without_shape_are_no_rooms(model: IfcModel, t
     assert [room.label for room in plan.rooms] == ["a", "b"]
 
 
+def test_models_without_usable_spaces_are_told_what_lacks(model: IfcModel, tmp_path: Path) -> None:
+    floor = storey(model)
+    model.wall(floor, box(0, 0, 4, 0.2))
+    model.part("IfcSpace", "flat", floor)
+    with pytest.raises(MapError, match=r"has a space \(IfcSpace\) with a shape, 1 have none: export rooms"):
+        load_plan(model.write(tmp_path / "walls.ifc"))
+
+
 def test_storeys_of_several_buildings_and_of_one_name(model: IfcModel, tmp_path: Path) -> None:
     for home in ("east", "west"):
         model.space(storey(model, home), box(0, 0, 4, 3), "a")

@@ -22,7 +22,7 @@ def test_broken_parts_are_named(tmp_path: Path) -> None:
     with pytest.raises(MapError, match=r"unit\.geojson: features\[0\] must be a table"):
         load_plan(f"{path}#0")
     write_collection(path / "unit.geojson", feature(box(0, 0, 1, 1), level_id="b9", category="room"))
-    with pytest.raises(MapError, match="#0: this floor has no unit"):
+    with pytest.raises(MapError, match="none of its units has the level_id"):
         load_plan(f"{path}#0")
 
 
@@ -79,3 +79,13 @@ def test_floors_of_one_name_and_height_are_all_there(tmp_path: Path) -> None:
     assert names == ["1", "1 (2)", "1 (3)"]
     widths = [load_plan(f"{tmp_path}#{name}").bounds[2] for name in names]
     assert widths == pytest.approx([9.1, 10.1, 11.1], abs=0.02)
+
+
+def test_levels_without_units_are_no_floors(tmp_path: Path) -> None:
+    """Those of the ground outside and of roofs are of no building; a GIS puts ids among the properties."""
+    path = write_imdf(tmp_path / "school")
+    levels = [feature(None, id=key, ordinal=0, short_name={"en": key}, building_ids=[]) for key in ("x", "y")]
+    inside = feature(None, ordinal=0, short_name={"en": "G"}, building_ids=["a"])
+    inside["properties"]["id"] = "a0"
+    write_collection(path / "level.geojson", *levels, inside)
+    assert imdf_levels(path) == ["G"] and len(load_plan(path).rooms) == 2

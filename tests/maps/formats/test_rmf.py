@@ -16,7 +16,12 @@ from tests.maps.formats.cases import RMF, write_rmf
     [
         ("levels:", "floors:", "needs the entry 'levels'"),
         ("name: two", "name: [two", "broken YAML"),
-        ("name: two", "coordinate_system: wgs84", "coordinate_system wgs84 is not read"),
+        ("name: two", "coordinate_system: wgs84", "coordinate_system .*wgs84.* is not read"),
+        (
+            "name: two",
+            "coordinate_system: web_mercator",
+            "web_mercator.* is not read, only reference_image and",
+        ),
         ("distance: [3, 10.0]", "distance: [3, 0]", "no usable measurement"),
         ("- [0, 0, 0", "- [zero, 0, 0", "two finite numbers"),
         ("    walls:", "    lanes:", "no floor in this file"),
@@ -49,3 +54,28 @@ def test_a_building_that_only_its_doors_close(tmp_path: Path) -> None:
 def test_y_points_up(tmp_path: Path) -> None:
     plan = load_plan(write_rmf(tmp_path / "two.building.yaml"))
     assert plan.doors[0].start == pytest.approx((5.0, -1.6)) and plan.bounds[3] == pytest.approx(0.1)
+
+
+def test_metres_are_read_as_they_are(tmp_path: Path) -> None:
+    path = write_rmf(tmp_path / "two.building.yaml")
+    path.write_text(RMF.replace("name: two", "coordinate_system: cartesian_meters").replace("measure", "no"))
+    plan = load_plan(path)
+    assert plan.doors[0].start == pytest.approx((250.0, 80.0)) and plan.bounds[3] == pytest.approx(200.1)
+
+
+UPPER = """
+  L2:
+    fiducials: [[100, 100, a], [1100, 100, b], [1100, 500, c], [7, 7, alone], [nowhere]]
+    vertices: [[100, 100, 0, ""], [1100, 100, 0, ""], [1100, 500, 0, ""], [100, 500, 0, ""]]
+    walls: [[0, 1], [1, 2], [2, 3], [3, 0]]
+"""
+
+
+def test_a_level_without_measurements_goes_by_fiducials(tmp_path: Path) -> None:
+    path = tmp_path / "tower.building.yaml"
+    shared = "    fiducials: [[0, 0, a], [500, 0, b], [500, 200, c]]\n"
+    path.write_text(RMF + shared + UPPER)
+    assert load_plan(f"{path}#L2").rooms[0].polygon.area == pytest.approx(9.8 * 3.8)
+    path.write_text(RMF + shared.replace("b]", "x]").replace("c]", "y]") + UPPER)
+    with pytest.raises(MapError, match=r"L2: no usable measurement.* or two fiducials"):
+        load_plan(f"{path}#L2")
