@@ -130,7 +130,7 @@ def _loader(
         return lambda path: load_image(path, resolution=resolution)
     raise MapError(
         f"{path}: no known format of floor plans; known endings: {', '.join(SUFFIXES)}; of a PDF, a drawing "
-        "(DXF, DWG, SVG) or a picture of another kind, a PNG can be read"
+        "(DXF, DWG, SVG) or a picture of another kind, a PNG can be read, of an archive what is packed in it"
     )
 
 
@@ -194,7 +194,7 @@ def _json_loader(
         if not (path.stem.endswith(SIDECARS) or (isinstance(data, dict) and "verts" in data)):
             raise MapError(
                 f"{path}: is no floor plan: JSON is read as a GeoJSON FeatureCollection, or as a plan of "
-                "HouseExpo (with its contour, verts)"
+                "HouseExpo (with its contour, verts); of Overpass save GeoJSON, or XML as .osm"
             )
         return lambda path: _stretched(load_houseexpo(path), resolution)
     if columns or not is_own_format(data):

@@ -192,11 +192,11 @@ def test_a_drawing_in_feet_becomes_metres(tmp_path: Path) -> None:
     assert load_plan(target).area == pytest.approx(load_plan("apartment-01").area)
 
 
-@pytest.mark.parametrize("name", ["plan.pdf", "plan.svg", "plan.webp"])
+@pytest.mark.parametrize("name", ["plan.pdf", "plan.svg", "plan.webp", "imdf.zip"])
 def test_a_file_of_no_known_kind_is_said_to_be_one_whatever_is_asked(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"%PDF-1.4")
     for words in (["--blueprint"], ["--rooms", "rose2"], []):
-        with pytest.raises(MapError, match=r"no known format of floor plans.*PDF.*a PNG can be read"):
+        with pytest.raises(MapError, match=r"no known format .*PDF.*a PNG can be read, of an archive"):
             invoke("import", str(tmp_path / name), *words, "--out", str(tmp_path / "mine.geojson"))
     with pytest.raises(MapError, match="no such file"):
         invoke("import", str(tmp_path / "no.osm"), "--blueprint", "--out", str(tmp_path / "mine.geojson"))
