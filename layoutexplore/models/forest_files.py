@@ -140,12 +140,12 @@ def _forest(data: dict[str, Any], features: int, double: bool) -> Forest:
     plain = np.array([len(node) == 1 or _is_split(node) for node in nodes], bool)
     splits = np.array([len(node) > 1 for node in nodes], bool)
     padded = [node if len(node) == 4 else (-1, node[0], 0, 0) for node in nodes]
-    feature, threshold, left, right = np.array(padded, np.float64).reshape(-1, 4).T
-    after = [(place < child) & (child < sizes[tree]) for child in (left, right)]
+    feature, threshold, *children = np.array(padded, np.float64).reshape(-1, 4).T
+    after = [(place < child) & (child < sizes[tree]) for child in children]
     wrong = np.flatnonzero(~plain | splits & ~((feature >= 0) & (feature < features) & after[0] & after[1]))
     if wrong.size:
         raise ValueError(f"node {place[wrong[0]]} of tree {tree[wrong[0]] + 1} leads nowhere")
-    left, right = (np.where(splits, child + roots[tree], 0).astype(np.int32) for child in (left, right))
+    left, right = (np.where(splits, child + roots[tree], 0).astype(np.int32) for child in children)
     parents = np.bincount(np.concatenate([left[splits], right[splits]]), minlength=len(nodes))
     wrong = np.flatnonzero(parents != (place > 0))
     if wrong.size:
