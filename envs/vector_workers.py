@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import multiprocessing
+import os
 import pickle
 import signal
 from collections.abc import Callable, Sequence
@@ -28,7 +28,8 @@ from layoutexplore.envs.vector_buffers import Buffers, EnvironmentGroup
 from layoutexplore.errors import WorkerError
 from layoutexplore.plugins.tracebacks import own_frames, told
 from layoutexplore.plugins.transport import OwnCode, pack_own_code
-from layoutexplore.processes import single_threaded, without_main
+from layoutexplore.processes import deaf_children, single_threaded, without_main
+from layoutexplore.processes.pools import worker_context
 
 Make = Callable[[], ExplorationEnv[Any]]
 
@@ -153,7 +154,7 @@ class LocalWorkers:
 class ProcessWorkers:
     """Groups of environments in worker processes that write into memory shared with this one.
 
-    The workers are spawned (threads and compiled kernels do not survive a fork), keep to one thread each, and
+    The workers are not forked from this process (threads do not survive that), keep to one thread each, and
     do not import the program's main module: what they need travels by value. They end with this process,
     however it ends.
 
@@ -163,7 +164,8 @@ class ProcessWorkers:
 
     def __init__(self, setup: WorkerSetup) -> None:
         make, template, groups, autoreset, limit = setup
-        context = multiprocessing.get_context("spawn")
+        with single_threaded(), deaf_children():
+            context = worker_context()
         blocks: list[Any] = []
 
         def shared(shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
@@ -183,7 +185,7 @@ class ProcessWorkers:
                     here, there = context.Pipe()
                     process = context.Process(
                         target=_work,
-                        args=(there, settings, blocks, group),
+                        args=(there, settings, blocks, group, dict(os.environ)),
                         daemon=True,
                         name=f"layoutexplore-envs-{k}",
                     )
@@ -294,10 +296,14 @@ def _make_with(code: OwnCode, make: Make) -> ExplorationEnv[Any]:
         return make()
 
 
-def _work(pipe: Connection, settings: bytes, blocks: list[Any], group: tuple[int, int]) -> None:
+def _work(
+    pipe: Connection, settings: bytes, blocks: list[Any], group: tuple[int, int], environment: dict[str, str]
+) -> None:
     """The life of a worker: make its environments, then execute commands until one says to leave."""
     import cv2
 
+    os.environ.clear()  # that of the time when the first worker was started
+    os.environ.update(environment)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that owns the workers.
     cv2.setNumThreads(1)
     left = iter(blocks)

@@ -60,8 +60,10 @@ def explore_all(
                 done, left = wait(waiting, ASKED_EVERY, FIRST_EXCEPTION)
                 waiting = [] if any(future.exception() for future in done) else list(left)
         finally:  # an interruption, too, must not wait until all jobs are done
-            unwanted.set()
-            pool.shutdown(cancel_futures=True)
+            for future in futures:
+                future.cancel()
+            unwanted.set()  # not before: whoever gives up would begin the next
+            pool.shutdown()
         return [future.result() for future in futures if not future.cancelled()]
 
 

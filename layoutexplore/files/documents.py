@@ -18,6 +18,7 @@ from layoutexplore.files.reading import Kind, read_text
 from layoutexplore.files.schema import Anything, MisfitError, Schema
 
 _LARGEST = 2**63
+_NUMBERS = frozenset((int, float))
 _DOTTED = re.compile(r"""(?<![\w"' \t-])(?:[\w"' \t-]++\.){50}""")
 """A key of more parts than any: the memory and time that its parser takes grow with their square."""
 
@@ -152,9 +153,16 @@ def _check_values(data: Any, where: str, error: Kind) -> None:
                 _check_count(count, where, error)
             if kind is dict:
                 waiting.extend((key, depth) for key in value)
+            elif _NUMBERS.issuperset(map(type, value)) and _all_moderate(value):
+                continue
             waiting.extend((part, depth + 1) for part in (value.values() if kind is dict else value))
         elif kind is not float and (problem := _fault(value)):
             raise error(f"{where}: {shortened(value)}: {problem}")
+
+
+def _all_moderate(numbers: list[float]) -> bool:
+    """Whether all numbers are such as 64 bits hold; where one is not finite, this is not known."""
+    return not numbers or (min(numbers) >= -_LARGEST and max(numbers) < _LARGEST)
 
 
 def _fault(value: Any) -> str:

@@ -1,11 +1,13 @@
 """What a document must hold: a schema is a nest of these, and the first value that does not fit is named.
 
 Each has a method `fit(value, place)` that returns the value, as plain numbers, tuples and texts, or raises
-`MisfitError`. The place of a value is written as in Python: `features[3].geometry`.
+`MisfitError`. The place of a value is written as in Python: `features[3].geometry`; where it is None,
+the error names none.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,11 +23,11 @@ class MisfitError(ValueError):
 class Schema(Protocol):
     """What a value must be."""
 
-    def fit(self, value: Any, place: str = "") -> Any:
+    def fit(self, value: Any, place: str | None = "") -> Any:
         """The value, or `MisfitError`."""
 
 
-def misfit(place: str, expected: str, value: Any) -> MisfitError:
+def misfit(place: str | None, expected: str, value: Any) -> MisfitError:
     """The error for a value: where it is, what is expected there, what was found."""
     return MisfitError(f"{_shown(place) or 'the document'} must be {expected}, got {shortened(value)}")
 
@@ -38,7 +40,7 @@ class Number:
     high: float = 1e300
     whole: bool = False
 
-    def fit(self, value: Any, place: str = "") -> float:
+    def fit(self, value: Any, place: str | None = "") -> float:
         """The number."""
         kinds = (int,) if self.whole else (int, float)
         good = isinstance(value, kinds) and not isinstance(value, bool)
@@ -60,7 +62,7 @@ class Text:
     most: int = 10_000
     choices: tuple[str, ...] = ()
 
-    def fit(self, value: Any, place: str = "") -> str:
+    def fit(self, value: Any, place: str | None = "") -> str:
         """The text."""
         if not isinstance(value, str) or len(value) > self.most:
             raise misfit(place, f"a text of at most {self.most} characters", value)
@@ -73,7 +75,7 @@ class Text:
 class Flag:
     """True or false."""
 
-    def fit(self, value: Any, place: str = "") -> bool:
+    def fit(self, value: Any, place: str | None = "") -> bool:
         """The flag."""
         if not isinstance(value, bool):
             raise misfit(place, "true or false", value)
@@ -88,13 +90,17 @@ class Items:
     least: int = 0
     most: float = math.inf
 
-    def fit(self, value: Any, place: str = "") -> list[Any]:
+    def fit(self, value: Any, place: str | None = "") -> list[Any]:
         """The values."""
         if not isinstance(value, list | tuple) or not self.least <= len(value) <= self.most:
             bounds = f"{self.least} or more" if self.most == math.inf else f"{self.least} to {self.most:g}"
             count = bounds if self.least != self.most else f"{self.least}"
             raise misfit(place, f"a list of {count} values", value)
-        return [self.of.fit(item, f"{place}[{k}]") for k, item in enumerate(value)]
+        if place is not None:
+            with contextlib.suppress(MisfitError):  # to name places takes longer than all the rest
+                return self.fit(value, None)
+            return [self.of.fit(item, f"{place}[{k}]") for k, item in enumerate(value)]
+        return [self.of.fit(item, None) for item in value]
 
 
 @dataclass(frozen=True)
@@ -103,7 +109,7 @@ class TableOf:
 
     of: Schema
 
-    def fit(self, value: Any, place: str = "") -> dict[str, Any]:
+    def fit(self, value: Any, place: str | None = "") -> dict[str, Any]:
         """The values by key."""
         if not isinstance(value, Mapping):
             raise misfit(place, "a table", value)
@@ -121,7 +127,7 @@ class Record:
     optional: Mapping[str, Schema] = field(default_factory=dict)
     others: Schema | None = None
 
-    def fit(self, value: Any, place: str = "") -> dict[str, Any]:
+    def fit(self, value: Any, place: str | None = "") -> dict[str, Any]:
         """The values by key; what is optional and null is left out."""
         if not isinstance(value, Mapping):
             raise misfit(place, "a table", value)
@@ -140,15 +146,16 @@ class Record:
 class Anything:
     """Any value."""
 
-    def fit(self, value: Any, place: str = "") -> Any:
+    def fit(self, value: Any, place: str | None = "") -> Any:
         """The value."""
         return value
 
 
-def _shown(place: str) -> str:
+def _shown(place: str | None) -> str:
     """A place as messages name it: where its keys are very long, its beginning and its end."""
+    place = place or ""
     return place if len(place) <= 200 else f"{place[:100]}...{place[-100:]}"
 
 
-def _inside(place: str, key: Any) -> str:
-    return f"{place}.{key}" if place else str(key)
+def _inside(place: str | None, key: Any) -> str | None:
+    return place if place is None else f"{place}.{key}" if place else str(key)

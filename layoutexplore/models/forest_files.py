@@ -128,34 +128,35 @@ def _read(path: Path, _changed: int, features: tuple[str, ...], double: bool) ->
 
 
 def _forest(data: dict[str, Any], features: int, double: bool) -> Forest:
-    """A forest from its numbers; every way down a tree ends, and asks only for features there are."""
-    nodes: list[list[float]] = []
-    roots = []
-    for number, tree in enumerate(data["trees"], start=1):
-        base = len(nodes)
-        roots.append(base)
-        _check_tree(tree, number, features)
-        nodes += [[n[0], n[1], n[2] + base, n[3] + base] if len(n) == 4 else [-1, n[0], 0, 0] for n in tree]
-    table = np.array(nodes, np.float64).reshape(-1, 4)
-    feature, left, right = (np.ascontiguousarray(table[:, k], np.int32) for k in (0, 2, 3))
-    threshold = (
-        np.ascontiguousarray(table[:, 1]) if double else table[:, 1].astype(np.float32).astype(np.float64)
-    )
+    """A forest from its numbers; every way down a tree ends, and asks only for features there are.
+
+    That is so where each node but the first is the child of exactly one that stands before it.
+    """
+    sizes = np.array([len(tree) for tree in data["trees"]], np.int64)
+    roots = np.cumsum(sizes) - sizes
+    tree = np.repeat(np.arange(len(sizes)), sizes)
+    nodes = [node for tree in data["trees"] for node in tree]
+    place = np.arange(len(nodes)) - roots[tree]
+    plain = np.array([len(node) == 1 or _is_split(node) for node in nodes], bool)
+    splits = np.array([len(node) > 1 for node in nodes], bool)
+    padded = [node if len(node) == 4 else (-1, node[0], 0, 0) for node in nodes]
+    feature, threshold, *children = np.array(padded, np.float64).reshape(-1, 4).T
+    after = [(place < child) & (child < sizes[tree]) for child in children]
+    wrong = np.flatnonzero(~plain | splits & ~((feature >= 0) & (feature < features) & after[0] & after[1]))
+    if wrong.size:
+        raise ValueError(f"node {place[wrong[0]]} of tree {tree[wrong[0]] + 1} leads nowhere")
+    left, right = (np.where(splits, child + roots[tree], 0).astype(np.int32) for child in children)
+    parents = np.bincount(np.concatenate([left[splits], right[splits]]), minlength=len(nodes))
+    wrong = np.flatnonzero(parents != (place > 0))
+    if wrong.size:
+        raise ValueError(f"tree {tree[wrong[0]] + 1} is no tree: a node has no parent, or two")
+    threshold = threshold.copy() if double else threshold.astype(np.float32).astype(np.float64)
     if not np.isfinite(threshold).all():
         raise ValueError("a number is larger than float32 holds")
-    return Forest(feature, threshold, left, right, np.array(roots, np.int32), float(data["bias"]))
+    bias = float(data["bias"])
+    return Forest(feature.astype(np.int32), threshold, left, right, roots.astype(np.int32), bias)
 
 
-def _check_tree(tree: Sequence[Sequence[float]], number: int, features: int) -> None:
-    """Raise `ValueError` unless each node but the first is the child of exactly one that stands before it."""
-    parents = [0] * len(tree)
-    for k, node in enumerate(tree):
-        if len(node) == 1:
-            continue
-        good = len(node) == 4 and all(isinstance(node[i], int) for i in (0, 2, 3))
-        if not (good and 0 <= node[0] < features and k < node[2] < len(tree) and k < node[3] < len(tree)):
-            raise ValueError(f"node {k} of tree {number} leads nowhere")
-        parents[int(node[2])] += 1
-        parents[int(node[3])] += 1
-    if parents != [0] + [1] * (len(tree) - 1):
-        raise ValueError(f"tree {number} is no tree: a node has no parent, or two")
+def _is_split(node: Sequence[float]) -> bool:
+    """Whether a node has the numbers of one that asks for a feature."""
+    return len(node) == 4 and isinstance(node[0], int) and type(node[2]) is type(node[3]) is int

@@ -17,6 +17,7 @@ import enum
 import functools
 import hashlib
 import inspect
+import linecache
 import sys
 import warnings
 from collections.abc import Iterator
@@ -206,7 +207,7 @@ class _Walk:
         """Its source; what stands for its instructions where there is none."""
         if id(function) not in self._sources:
             try:
-                text = inspect.getsource(function.__code__)  # of itself, not of what it wraps
+                text = _source_of(function.__code__)
             except (OSError, TypeError, SyntaxError, IndexError):
                 text = self.of(function.__code__)
             self._sources[id(function)] = text
@@ -293,3 +294,14 @@ def _imported_late(function: FunctionType) -> dict[Path, bytes]:
     here = Path(program).resolve().parent if isinstance(program, str) else Path.cwd()
     top = here.parents[package.count(".")] if package else here
     return with_imports(contents(files_imported(function.__code__, here, [top], top)), top)
+
+
+def _source_of(code: CodeType) -> str:
+    """The source of a function itself, not of what it wraps; OSError where there is none.
+
+    Inspect would look at every module there is before it finds that there is none.
+    """
+    place = code.co_filename
+    if place.startswith("<") and place.endswith(">") and place not in linecache.cache:
+        raise OSError(f"no source of {place}")
+    return inspect.getsource(code)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy import ndimage
+import scipy  # its parts are loaded where they are used
 
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
@@ -133,7 +133,7 @@ class _Ink:
         counts[0] = 0
         self.rooms: Ints = np.flatnonzero(counts)
         self.areas: Ints = counts[self.rooms]
-        self.boxes = ndimage.find_objects(ids)
+        self.boxes = scipy.ndimage.find_objects(ids)
 
     def thinness(self, room: int) -> float:
         """How long a room is for its area: 1 for a square."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy import fft
+import scipy  # its parts are loaded where they are used
 
 from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats, Floats32, Ints
@@ -159,8 +159,8 @@ class CoarseSearch:
     def _shape(self, drawn: tuple[int, int]) -> tuple[int, int]:
         """The size of the transforms of a drawn plan of that size."""
         return (
-            fft.next_fast_len(drawn[0] + int(self._size[0]), True),
-            fft.next_fast_len(drawn[1] + int(self._size[1]), True),
+            scipy.fft.next_fast_len(drawn[0] + int(self._size[0]), True),
+            scipy.fft.next_fast_len(drawn[1] + int(self._size[1]), True),
         )
 
     def _seen(self, shape: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -170,7 +170,7 @@ class CoarseSearch:
             for points in (self._walls, self._floor):
                 cells = (np.floor(points / COARSE) - self._low).astype(int)
                 counts = np.bincount(cells[:, 1] * shape[1] + cells[:, 0], minlength=shape[0] * shape[1])
-                found.append(np.conj(fft.rfft2(counts.reshape(shape).astype(np.float32))))
+                found.append(np.conj(scipy.fft.rfft2(counts.reshape(shape).astype(np.float32))))
             if len(self._spectra) == SPECTRA:
                 self._spectra.pop(next(iter(self._spectra)))
             self._spectra[shape] = found[0], found[1]
@@ -190,8 +190,8 @@ class CoarseSearch:
         warp = np.column_stack([matrix, shift])
         drawn = [cv2.warpAffine(image, warp, (cols, rows), flags=flags) for image in images]
         walls, floor = self._seen(shape)
-        product = fft.rfft2(drawn[0], shape) * walls + fft.rfft2(drawn[1], shape) * floor
-        places, scores = _peaks(fft.irfft2(product, shape))
+        product = scipy.fft.rfft2(drawn[0], shape) * walls + scipy.fft.rfft2(drawn[1], shape) * floor
+        places, scores = _peaks(scipy.fft.irfft2(product, shape))
         # Beyond the plan's size an offset is a negative one: the map hangs out at the low side.
         places -= np.where(places >= (rows, cols), shape, 0)
         # Cell `self._low` of the seen points lies at cell (row, col) of the plan.

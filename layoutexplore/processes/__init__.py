@@ -65,11 +65,16 @@ def single_threaded() -> Iterator[None]:
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        restore_environment(before)
+
+
+def restore_environment(before: dict[str, str | None]) -> None:
+    """Give variables the values that they had; those that had none have none again."""
+    for name, value in before.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
 
 
 _swapping = threading.RLock()

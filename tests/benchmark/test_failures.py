@@ -175,7 +175,7 @@ def test_a_file_that_is_edited_changes_nothing_in_a_run(plans: Path, tmp_path: P
     write(tmp_path, "STEP = 1", f"{moment}_step.py")
     path = write(tmp_path, lazy)
     wanted = config(plans, f"{path}:Mine")
-    whole = run_benchmark(wanted, tmp_path / "whole", jobs=2)
+    whole = run_benchmark(wanted, tmp_path / "whole")
 
     def edit(text: str) -> None:
         if text.startswith(moment) or moment == "said":

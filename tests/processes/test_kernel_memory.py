@@ -7,6 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+from llvmlite import binding
+
+from layoutexplore.processes.kernel_memory import defined_names
+
 KERNEL = """
 import sys
 from numba import njit
@@ -36,3 +41,24 @@ def test_bitcode_is_parsed_when_a_new_kernel_needs_it(tmp_path: Path) -> None:
         said.append(done.stdout.split())
     assert said[0][0] == "True" and said[0][2:] == ["2", "6", "True"]
     assert said[1] == ["True", "True", "2", "6", "True"]
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="ELF is the format of Linux")
+def test_what_machine_code_defines_is_known_without_its_bitcode() -> None:
+    module = binding.parse_assembly("""
+        @kept = global i64 0
+        @theirs = external global i64
+        declare i64 @elsewhere(i64)
+        define weak i64 @asks(i64 %x) {
+            %there = load i64, i64* @theirs
+            %y = call i64 @elsewhere(i64 %there)
+            ret i64 %y
+        }
+    """)
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
+    machine = binding.Target.from_default_triple().create_target_machine()
+    code = machine.emit_object(module)
+    found = defined_names(code)
+    assert found is not None and {"kept", "asks"} <= found and not {"theirs", "elsewhere"} & found
+    assert defined_names(b"MZ" + code[2:]) is None

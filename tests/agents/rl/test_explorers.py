@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,35 +17,13 @@ from layoutexplore.agents.rl.evaluation import Evaluation
 from layoutexplore.agents.rl.explorers import explore_all
 from layoutexplore.errors import WorkerError
 from tests.agents.rl.cases import small_config
+from tests.agents.rl.jobs import die, fail, wait_for_stop, where
 
 SHORT, LONG = 0.01, 60.0
-Stop = Callable[[], bool]
 
 
 def nobody_asks() -> bool:
     return False
-
-
-def where(seconds: float, stop: Stop) -> tuple[float, int]:
-    """A job: what it was, and the process that did it."""
-    time.sleep(seconds)
-    return seconds, os.getpid()
-
-
-def wait_for_stop(seconds: float, stop: Stop) -> float:
-    """A job that ends early when it is not wanted."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end and not stop():
-        time.sleep(0.01)
-    return seconds
-
-
-def fail(text: str, stop: Stop) -> None:
-    raise ValueError(text)
-
-
-def die(status: int, stop: Stop) -> None:
-    os._exit(status)
 
 
 def test_results_come_in_the_order_of_the_jobs() -> None:

@@ -1,0 +1,47 @@
+"""Workers: what they know of the process that starts them, and what they have loaded before they begin."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from layoutexplore.plugins.transport import worker_pool
+
+PROGRAM = """
+import layoutexplore.grids.grid
+from layoutexplore.plugins.transport import worker_pool
+with worker_pool(1) as pool:
+    loaded = "'layoutexplore.grids.grid' in __import__('sys').modules"
+    print(*pool.submit(eval, f"({loaded}, __import__('numpy').__file__)").result())
+"""
+
+
+def test_workers_have_the_environment_and_the_folder_of_their_start(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Those of each pool, not those of the first one."""
+    for value in ("one", "two"):
+        (tmp_path / value).mkdir()
+        monkeypatch.chdir(tmp_path / value)
+        monkeypatch.setenv("LAYOUTEXPLORE_OF_A_TEST", value)
+        names = ("LAYOUTEXPLORE_OF_A_TEST", "OMP_NUM_THREADS", "PYTHONSAFEPATH")
+        before = os.environ.get("PYTHONSAFEPATH")
+        with worker_pool(1) as pool:
+            assert list(pool.map(os.getenv, names)) == [value, "1", before]
+            assert pool.submit(os.getcwd).result() == str(tmp_path / value)
+        assert os.environ.get("PYTHONSAFEPATH") == before
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="workers are spawned elsewhere")
+def test_modules_are_loaded_beforehand_and_not_those_of_the_folder_one_is_in(tmp_path: Path) -> None:
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "numpy.py").write_text("raise SystemExit('not this one')")
+    (tmp_path / "program.py").write_text(PROGRAM)
+    words = [sys.executable, str(tmp_path / "program.py")]
+    told = subprocess.run(words, cwd=tmp_path / "here", capture_output=True, text=True, check=True)
+    assert told.stdout.split() == ["True", np.__file__] and not told.stderr
