@@ -29,7 +29,7 @@ from layoutexplore.errors import WorkerError
 from layoutexplore.plugins.tracebacks import own_frames, told
 from layoutexplore.plugins.transport import OwnCode, pack_own_code
 from layoutexplore.processes import deaf_children, single_threaded, without_main
-from layoutexplore.processes.pools import worker_context
+from layoutexplore.processes.pools import begin_worker, worker_context
 
 Make = Callable[[], ExplorationEnv[Any]]
 
@@ -302,9 +302,7 @@ def _work(
     """The life of a worker: make its environments, then execute commands until one says to leave."""
     import cv2
 
-    os.environ.clear()  # that of the time when the first worker was started
-    os.environ.update(environment)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that owns the workers.
+    begin_worker(environment)
     cv2.setNumThreads(1)
     left = iter(blocks)
     with contextlib.suppress(EOFError, OSError):

@@ -14,10 +14,12 @@ import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import forkserver
 from typing import Any
+
+import numpy as np
 
 from layoutexplore.processes import (
     deaf_children,
@@ -51,7 +53,7 @@ def worker_context() -> Any:
 
     On Linux one more process imports once what this one has imported of the package, does nothing else, and
     is forked for each worker: that takes a tenth of a second where a worker that imports it takes two, and
-    its memory is shared. Elsewhere workers are spawned.
+    its memory is shared. Elsewhere, and where that process cannot be asked, workers are spawned.
     """
     if not sys.platform.startswith("linux"):
         return multiprocessing.get_context("spawn")
@@ -62,9 +64,26 @@ def worker_context() -> Any:
     os.environ.update(dict(zip(_WHERE_MODULES_ARE, (os.pathsep.join(sys.path), "1"), strict=True)))
     try:
         forkserver.ensure_running()
+    except OSError:  # no sockets in files here, or a temporary folder whose name is too long for one
+        return multiprocessing.get_context("spawn")
     finally:
         restore_environment(before)
     return context
+
+
+def begin_worker(environment: Mapping[str, str]) -> None:
+    """Make a worker its own: the environment is that of its start, and chance not that of the others.
+
+    Args:
+        environment: Of the process that starts it; a forked worker has that of the first one's start.
+    """
+    os.environ.clear()
+    os.environ.update(environment)
+    # What own code may draw from: workers that are forked from one process would all draw the same.
+    np.random.seed()  # noqa: NPY002
+    if "torch" in sys.modules:
+        sys.modules["torch"].seed()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that owns the workers
 
 
 _WHERE_MODULES_ARE = ("PYTHONPATH", "PYTHONSAFEPATH")
@@ -82,8 +101,6 @@ def stop_pool(pool: ProcessPoolExecutor) -> None:
 
 def _begin(begin: Callable[[], object], environment: dict[str, str]) -> None:
     """What a worker does first."""
-    os.environ.clear()  # that of the time when the first worker was started
-    os.environ.update(environment)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    begin_worker(environment)
     end_with_parent()
     begin()

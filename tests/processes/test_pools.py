@@ -5,12 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from multiprocessing import forkserver
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from layoutexplore.plugins.transport import worker_pool
+from layoutexplore.processes import single_threaded
+from layoutexplore.processes.pools import worker_context
 
 PROGRAM = """
 import layoutexplore.grids.grid
@@ -18,6 +21,19 @@ from layoutexplore.plugins.transport import worker_pool
 with worker_pool(1) as pool:
     loaded = "'layoutexplore.grids.grid' in __import__('sys').modules"
     print(*pool.submit(eval, f"({loaded}, __import__('numpy').__file__)").result())
+"""
+
+CHANCE = """
+import layoutexplore.simulation.simulation
+from layoutexplore.plugins.transport import worker_pool
+load = "__import__('%s')"
+text = (
+    f"{load % 'time'}.sleep(0.3) or ('numpy.random' in {load % 'sys'}.modules, {load % 'os'}.getpid(), "
+    f"{load % 'numpy'}.random.random(), {load % 'random'}.random())"
+)
+with worker_pool(2) as pool:
+    for asked in [pool.submit(eval, text) for _ in range(2)]:
+        print(*asked.result())
 """
 
 
@@ -35,6 +51,23 @@ def test_workers_have_the_environment_and_the_folder_of_their_start(
             assert list(pool.map(os.getenv, names)) == [value, "1", before]
             assert pool.submit(os.getcwd).result() == str(tmp_path / value)
         assert os.environ.get("PYTHONSAFEPATH") == before
+
+
+def test_workers_draw_by_chance_of_their_own() -> None:
+    """Own code may use the generators that numpy and Python share; those of one process were all alike."""
+    told = subprocess.run([sys.executable, "-c", CHANCE], capture_output=True, text=True, check=True)
+    first, second = (line.split() for line in told.stdout.splitlines())
+    assert first[0] == second[0] == "True"
+    assert all(one != other for one, other in zip(first[1:], second[1:], strict=True))
+
+
+def test_workers_are_spawned_where_sockets_have_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse() -> None:
+        raise OSError("AF_UNIX path too long")
+
+    monkeypatch.setattr(forkserver, "ensure_running", refuse)
+    with single_threaded():
+        assert worker_context().get_start_method() == "spawn"
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="workers are spawned elsewhere")
