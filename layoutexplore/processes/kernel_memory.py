@@ -27,7 +27,8 @@ class LeanLibrary(JITCodeLibrary):
     @classmethod
     def _unserialize(cls, codegen: Any, state: Any) -> Any:
         name, kind, code = state
-        names = defined_names(code[0]) if kind == "object" else None
+        known = hasattr(getattr(codegen, "_engine", None), "_defined_symbols")  # of this numba
+        names = defined_names(code[0]) if kind == "object" and known else None
         if names is None:
             library = super()._unserialize(codegen, state)  # type: ignore[no-untyped-call]
             if kind == "object":

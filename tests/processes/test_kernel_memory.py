@@ -6,11 +6,13 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from llvmlite import binding
+from numba.core.codegen import JITCodeLibrary
 
-from layoutexplore.processes.kernel_memory import defined_names
+from layoutexplore.processes.kernel_memory import LeanLibrary, defined_names
 
 KERNEL = """
 import sys
@@ -62,3 +64,16 @@ def test_what_machine_code_defines_is_known_without_its_bitcode() -> None:
     found = defined_names(code)
     assert found is not None and {"kept", "asks"} <= found and not {"theirs", "elsewhere"} & found
     assert defined_names(b"MZ" + code[2:]) is None
+
+
+def test_a_numba_that_keeps_symbols_elsewhere_parses_bitcode(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = []
+
+    def parse(codegen: object, state: object) -> SimpleNamespace:
+        asked.append(state)
+        return SimpleNamespace()
+
+    monkeypatch.setattr(JITCodeLibrary, "_unserialize", parse)
+    state = "kernel", "object", (b"\x7fELF\2\1", b"bitcode")
+    library = LeanLibrary._unserialize(SimpleNamespace(), state)
+    assert asked == [state] and library._bitcode == b"bitcode"
