@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from layoutexplore.agents import make_agent
 from layoutexplore.benchmark.analysis import Comparison, compare, over_all_sensors
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import checks_arguments
-from layoutexplore.evaluation.partial_rooms_summary import hidden_interval
+from layoutexplore.evaluation.partial_rooms_summary import PredictorSummary
 from layoutexplore.metrics.statistics import Interval
 
 BASELINE = "nearest"
@@ -62,7 +62,7 @@ def driver_of(predictor: str, driver: str = DRIVER) -> str:
 
 
 @checks_arguments
-def score_in_the_loop(summary: Mapping[str, Any], rows: Sequence[Row]) -> list[LoopScore]:
+def score_in_the_loop(summary: Mapping[str, PredictorSummary], rows: Sequence[Row]) -> list[LoopScore]:
     """One line a predictor, the shortest way to 95 % first.
 
     Args:
@@ -74,15 +74,14 @@ def score_in_the_loop(summary: Mapping[str, Any], rows: Sequence[Row]) -> list[L
     return sorted(lines, key=lambda line: (line.d95 is None, line.d95.estimate if line.d95 else 0.0))
 
 
-def _line(name: str, part: Mapping[str, Any], pooled: Mapping[tuple[str, str], Comparison]) -> LoopScore:
-    frontiers = part["frontiers"]
+def _line(name: str, part: PredictorSummary, pooled: Mapping[tuple[str, str], Comparison]) -> LoopScore:
     d95, d99 = (pooled.get((driver_of(name), metric)) for metric in ("d95", "d99"))
     return LoopScore(
         predictor=name,
-        mcc=frontiers[0]["mcc"] if frontiers else float("nan"),
-        hidden_iou=hidden_interval(part["rooms"]),
-        leftover=frontiers[0]["leftover_accuracy"] if frontiers else float("nan"),
-        ms=part["ms"],
+        mcc=part.mcc,
+        hidden_iou=part.hidden,
+        leftover=part.frontiers[0].leftover_accuracy if part.frontiers else math.nan,
+        ms=part.ms,
         d95=d95.ratio if d95 else None,
         d99=d99.ratio if d99 else None,
         reached=d99.reached if d99 else None,

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from layoutexplore.benchmark.analysis import Comparison, agents_of, compare, over_all_sensors
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.errors import ConfigError, checks_arguments, unknown_name
-from layoutexplore.evaluation.partial_rooms_summary import hidden_interval
+from layoutexplore.evaluation.partial_rooms_summary import PredictorSummary
 from layoutexplore.metrics.statistics import NO_INTERVAL, Interval
 from layoutexplore.simulation.config import NOISE
 
@@ -122,7 +120,9 @@ def _line(
 
 
 @checks_arguments
-def predictors_under_noise(summaries: Mapping[str, Mapping[str, Any]]) -> list[PredictorUnderNoise]:
+def predictors_under_noise(
+    summaries: Mapping[str, Mapping[str, PredictorSummary]],
+) -> list[PredictorUnderNoise]:
     """One line a predictor and level.
 
     Args:
@@ -132,7 +132,6 @@ def predictors_under_noise(summaries: Mapping[str, Mapping[str, Any]]) -> list[P
     found = []
     for level, summary in summaries.items():
         for name, part in summary.items():
-            frontiers, hidden = part["frontiers"], hidden_interval(part["rooms"])
-            mcc = frontiers[0]["mcc"] if frontiers else math.nan
-            found.append(PredictorUnderNoise(predictor=name, level=level, mcc=mcc, hidden_iou=hidden))
+            line = PredictorUnderNoise(predictor=name, level=level, mcc=part.mcc, hidden_iou=part.hidden)
+            found.append(line)
     return sorted(found, key=lambda line: line.predictor)

@@ -16,6 +16,7 @@ from layoutexplore.benchmark.rows import NAN, Row
 from layoutexplore.benchmark.runner import Outcome
 from layoutexplore.cli import benchmark
 from layoutexplore.evaluation.in_the_loop import BASELINE, driver_of, score_in_the_loop
+from layoutexplore.evaluation.partial_rooms_summary import FrontierLine, PredictorSummary, RoomLine
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.plans import offices
@@ -23,9 +24,14 @@ from tests.plans import offices
 PREDICTORS = ("none", "reconstruct:rose2")
 
 
-def part(mcc: float) -> dict[str, object]:
-    rooms = {"hidden_iou": 0.5, "hidden_low": 0.4, "hidden_high": 0.6}
-    return {"rooms": [rooms], "frontiers": [{"mcc": mcc, "leftover_accuracy": 0.9}], "ms": 3.0}
+def part(mcc: float) -> PredictorSummary:
+    of_rooms = dict.fromkeys((field.name for field in dataclasses.fields(RoomLine)), NAN)
+    of_rooms |= {"rooms": 1, "hidden_iou": 0.5, "hidden_low": 0.4, "hidden_high": 0.6}
+    of_frontiers = dict.fromkeys((field.name for field in dataclasses.fields(FrontierLine)), NAN)
+    of_frontiers |= {"frontiers": 1, "mcc": mcc, "leftover_accuracy": 0.9}
+    rooms: Any = {**of_rooms, "explored": "all"}
+    frontiers: Any = {**of_frontiers, "coverage": "all"}
+    return PredictorSummary([RoomLine(**rooms)], [FrontierLine(**frontiers)], 3.0)
 
 
 def row(plan: str, agent: str, d95: float) -> Row:
@@ -49,7 +55,7 @@ def test_every_predictor_has_the_metres_of_its_own_driver() -> None:
 
 
 def test_a_predictor_without_rooms_to_judge_has_no_scores() -> None:
-    (line,) = score_in_the_loop({"none": {"rooms": [], "frontiers": [], "ms": 1.0}}, [])
+    (line,) = score_in_the_loop({"none": PredictorSummary([], [], 1.0)}, [])
     assert math.isnan(line.mcc) and math.isnan(line.hidden_iou.estimate) and line.d95 is None
 
 

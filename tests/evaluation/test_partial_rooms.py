@@ -54,19 +54,15 @@ def test_oracle_and_none(snapshots: list[Snapshot]) -> None:
                 room.hidden_iou == 0.0 and room.iou == pytest.approx(room.explored) and room.remaining == 0.0
             )
     summary = summarise_partial_rooms(scores)
-    best = summary["oracle"]["frontiers"][0]
-    assert best["leftover_accuracy"] == 1.0
-    assert best["calibration_error"] == 0.0
-    assert best["f1_closed"] in (0.0, 1.0)
-    assert (
-        summary["oracle"]["rooms"][0]["rooms"]
-        == summary["none"]["rooms"][0]["rooms"]
-        == len(scores.rooms) // 2
-    )
-    assert summary["oracle"]["rooms"][0]["mae_m2"] == 0.0 < summary["none"]["rooms"][0]["mae_m2"]
+    best = summary["oracle"].frontiers[0]
+    assert best.leftover_accuracy == 1.0
+    assert best.calibration_error == 0.0
+    assert best.f1_closed in (0.0, 1.0)
+    assert summary["oracle"].rooms[0].rooms == summary["none"].rooms[0].rooms == len(scores.rooms) // 2
+    assert summary["oracle"].rooms[0].mae_m2 == 0.0 < summary["none"].rooms[0].mae_m2
     (part,) = summarise_parts(scores, "oracle", {"flat": "all"})
-    assert part["hidden_iou"] == part["leftover_accuracy"] == 1.0
-    assert (part["rooms"], part["frontiers"]) == (len(scores.rooms) // 2, len(scores.frontiers) // 2)
+    assert part.hidden_iou == part.leftover_accuracy == 1.0
+    assert (part.rooms, part.frontiers) == (len(scores.rooms) // 2, len(scores.frontiers) // 2)
 
 
 def test_items_are_rooms_in_part_with_a_frontier(snapshots: list[Snapshot]) -> None:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -22,6 +22,7 @@ from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
     from layoutexplore.evaluation.partial_rooms import Scores
+    from layoutexplore.evaluation.partial_rooms_summary import PredictorSummary
     from layoutexplore.predictors.protocol import RoomPredictor
 
 ROOM_COLUMNS = (
@@ -113,7 +114,11 @@ def partial_rooms(
     if out is not None:
         written = write_partial_rooms_report(out, scores, summary, gallery, command=command_line())
         typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
-    data = {"summary": summary, "rooms": [asdict(r) for r in scores.rooms], "ms": scores.milliseconds}
+    data = {
+        "summary": {name: asdict(part) for name, part in summary.items()},
+        "rooms": [asdict(r) for r in scores.rooms],
+        "ms": scores.milliseconds,
+    }
     write_numbers(json_file, data | {"frontiers": [asdict(f) for f in scores.frontiers]}, indent=None)
 
 
@@ -156,17 +161,17 @@ def judge_explorations(
     return scores
 
 
-def print_summary(summary: dict[str, Any]) -> None:
+def print_summary(summary: Mapping[str, PredictorSummary]) -> None:
     """Tables of rooms and frontiers, and what a decision costs; a sentence where nothing is judged."""
     for what, stratum, columns in (
         ("rooms", "explored", ROOM_COLUMNS),
         ("frontiers", "coverage", FRONTIER_COLUMNS),
     ):
-        if any(part[what] for part in summary.values()):
+        if any(getattr(part, what) for part in summary.values()):
             _print(what, stratum, summary, columns)
         else:
             typer.echo(NOTHING[what])
-    times = [f"{name} {part['ms']:.1f}" for name, part in summary.items() if not math.isnan(part["ms"])]
+    times = [f"{name} {part.ms:.1f}" for name, part in summary.items() if not math.isnan(part.ms)]
     if times:
         typer.echo("median ms a decision: " + ", ".join(times))
 
@@ -176,12 +181,14 @@ def _shown(value: float) -> str:
     return str(value) if isinstance(value, int) else "-" if math.isnan(value) else f"{value:.3f}"
 
 
-def _print(what: str, stratum: str, summary: dict[str, Any], columns: Sequence[str]) -> None:
+def _print(what: str, stratum: str, summary: Mapping[str, PredictorSummary], columns: Sequence[str]) -> None:
     """One line a stratum and predictor, the predictors of a stratum below each other."""
-    lines = [(line[stratum], name, line) for name, part in summary.items() for line in part[what]]
+    lines = [
+        (getattr(line, stratum), name, line) for name, part in summary.items() for line in getattr(part, what)
+    ]
     order = list(dict.fromkeys(name for name, _, _ in lines))
     wide = max([15, *(len(name) + 1 for name in summary)])
     typer.echo(f"{stratum:<10}{'predictor':<{wide}}" + "".join(f"{column:>19}" for column in columns))
     for level, name, line in sorted(lines, key=lambda entry: order.index(entry[0])):
-        typer.echo(f"{level:<10}{name:<{wide}}" + "".join(f"{_shown(line[c]):>19}" for c in columns))
+        typer.echo(f"{level:<10}{name:<{wide}}" + "".join(f"{_shown(getattr(line, c)):>19}" for c in columns))
     typer.echo("")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -24,6 +24,7 @@ from layoutexplore.files import check_places
 if TYPE_CHECKING:
     from layoutexplore.benchmark.analysis import FailedRuns
     from layoutexplore.benchmark.rows import Row
+    from layoutexplore.evaluation.partial_rooms_summary import PredictorSummary
     from layoutexplore.evaluation.robustness import AgentUnderNoise
     from layoutexplore.predictors.protocol import RoomPredictor
 
@@ -117,7 +118,7 @@ def _judge(
     sensors: Sequence[str],
     starts: int,
     out: Path,
-) -> dict[str, Any]:
+) -> dict[str, PredictorSummary]:
     """How right the predictors are on snapshots at a level of noise."""
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
     from layoutexplore.evaluation.robustness import NOISELESS

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -256,7 +257,7 @@ def _print_parts(scores: Scores, part_of: Mapping[str, str]) -> None:
     """One line a part that was left out, for the predictor `layout`."""
     from layoutexplore.evaluation.partial_rooms_summary import summarise_parts
 
-    lines: list[dict[str, Any]] = summarise_parts(scores, "layout", part_of)
+    lines = [asdict(line) for line in summarise_parts(scores, "layout", part_of)]
     if not lines:  # no room of theirs was half seen
         return
     wide = max(len(line["part"]) for line in lines)

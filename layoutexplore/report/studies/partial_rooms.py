@@ -18,13 +18,13 @@ import numpy as np
 from layoutexplore.drawing import palette
 from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.partial_rooms import Item, RoomScore, Scores, predicted_hidden
-from layoutexplore.evaluation.partial_rooms_summary import hidden_interval
+from layoutexplore.evaluation.partial_rooms_summary import FrontierLine, PredictorSummary, RoomLine
 from layoutexplore.files import write_atomically, write_csv
 from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.boxes import window
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.ros_map import encode_png
-from layoutexplore.metrics.statistics import Interval
+from layoutexplore.metrics.statistics import NO_INTERVAL, Interval
 from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
@@ -133,7 +133,7 @@ def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> Bytes:
 
 @checks_arguments
 def write_partial_rooms_report(
-    out: Path, scores: Scores, summary: Mapping[str, Any], gallery: Gallery, *, command: str
+    out: Path, scores: Scores, summary: Mapping[str, PredictorSummary], gallery: Gallery, *, command: str
 ) -> list[Path]:
     """Write report.html, rooms.csv, frontiers.csv, summary.csv and pictures/*.png into a folder.
 
@@ -175,13 +175,13 @@ def write_partial_rooms_report(
     return written
 
 
-def _view(scores: Scores, summary: Mapping[str, Any], gallery: Gallery) -> dict[str, Any]:
+def _view(scores: Scores, summary: Mapping[str, PredictorSummary], gallery: Gallery) -> dict[str, Any]:
     """What the template shows."""
-    strata = _labels(summary, "rooms", "explored")
-    coverages = _labels(summary, "frontiers", "coverage")
+    strata = list(dict.fromkeys(line.explored for found in summary.values() for line in found.rooms))
+    coverages = list(dict.fromkeys(line.coverage for found in summary.values() for line in found.frontiers))
     names = list(summary)
-    rooms = {name: {line["explored"]: line for line in summary[name]["rooms"]} for name in names}
-    frontiers = {name: {line["coverage"]: line for line in summary[name]["frontiers"]} for name in names}
+    rooms = {name: {line.explored: line for line in summary[name].rooms} for name in names}
+    frontiers = {name: {line.coverage: line for line in summary[name].frontiers} for name in names}
     mine = [f for f in scores.frontiers if f.predictor == gallery.predictor]
     areas = [r for r in scores.rooms if r.predictor == gallery.predictor]
     return {
@@ -191,18 +191,18 @@ def _view(scores: Scores, summary: Mapping[str, Any], gallery: Gallery) -> dict[
         "coverages": coverages,
         "rooms": rooms,
         "frontiers": frontiers,
-        "ms": {name: summary[name]["ms"] for name in names},
+        "ms": {name: summary[name].ms for name in names},
         "leaders": {m: {s: _leader(rooms, s, m) for s in strata} for m in ("hidden_iou", "iou")},
-        "counts": {s: max((rooms[n][s]["rooms"] for n in names if s in rooms[n]), default=0) for s in strata},
+        "counts": {s: max((rooms[n][s].rooms for n in names if s in rooms[n]), default=0) for s in strata},
         "judged": {
-            c: max((frontiers[n][c]["frontiers"] for n in names if c in frontiers[n]), default=0)
+            c: max((frontiers[n][c].frontiers for n in names if c in frontiers[n]), default=0)
             for c in coverages
         },
         "hidden_chart": line_chart(
             _hidden(rooms, strata[1:]), [spell(s) for s in strata[1:]], main=gallery.predictor
         ),
         "mcc_chart": line_chart(
-            _plain(frontiers, coverages[1:], "mcc"),
+            _mcc(frontiers, coverages[1:]),
             [spell(c) for c in coverages[1:]],
             main=gallery.predictor,
             low=-0.25,
@@ -237,46 +237,37 @@ def spell(stratum: str) -> str:
     return stratum.replace("%-", "–").replace("%", "\N{NO-BREAK SPACE}%")
 
 
-def _labels(summary: Mapping[str, Any], part: str, key: str) -> list[str]:
-    """The strata of all predictors, in their order."""
-    return list(dict.fromkeys(line[key] for found in summary.values() for line in found[part]))
-
-
-def _leader(rooms: Mapping[str, Mapping[str, Any]], stratum: str, measure: str) -> str:
+def _leader(rooms: Mapping[str, Mapping[str, RoomLine]], stratum: str, measure: str) -> str:
     """The best predictor of a stratum that is no bound; empty where there is none."""
     found = {
-        name: lines[stratum][measure]
+        name: getattr(lines[stratum], measure)
         for name, lines in rooms.items()
         if stratum in lines and name not in BOUNDS
     }
     return max(found, key=lambda name: found[name], default="")
 
 
-def _hidden(lines: Mapping[str, Mapping[str, Any]], strata: Sequence[str]) -> dict[str, list[Interval]]:
+def _hidden(lines: Mapping[str, Mapping[str, RoomLine]], strata: Sequence[str]) -> dict[str, list[Interval]]:
     """By predictor and stratum the IoU of hidden parts."""
-    return {name: [hidden_interval([by[s]] if s in by else []) for s in strata] for name, by in lines.items()}
+    return {name: [by[s].hidden if s in by else NO_INTERVAL for s in strata] for name, by in lines.items()}
 
 
-def _plain(
-    lines: Mapping[str, Mapping[str, Any]], strata: Sequence[str], measure: str
-) -> dict[str, list[Interval]]:
-    """By predictor and stratum a measure without an interval."""
-    values = {name: [by[s][measure] if s in by else math.nan for s in strata] for name, by in lines.items()}
+def _mcc(lines: Mapping[str, Mapping[str, FrontierLine]], strata: Sequence[str]) -> dict[str, list[Interval]]:
+    """By predictor and stratum Matthews' correlation, without an interval."""
+    values = {name: [by[s].mcc if s in by else math.nan for s in strata] for name, by in lines.items()}
     return {name: [Interval(v, math.nan, math.nan) for v in line] for name, line in values.items()}
 
 
-def _flat(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _flat(summary: Mapping[str, PredictorSummary]) -> list[dict[str, Any]]:
     """A row a predictor, part and stratum."""
     rows = []
     for name, found in summary.items():
-        for part, key in (("rooms", "explored"), ("frontiers", "coverage")):
-            for line in found[part]:
-                measures = {k: v for k, v in line.items() if k != key}
+        for part, lines in (("rooms", found.rooms), ("frontiers", found.frontiers)):
+            for line in lines:
+                (_, stratum), *measures = dataclasses.asdict(line).items()
                 rows += [
-                    {"predictor": name, "of": part, "stratum": line[key], "measure": k, "value": v}
-                    for k, v in measures.items()
+                    {"predictor": name, "of": part, "stratum": stratum, "measure": measure, "value": value}
+                    for measure, value in measures
                 ]
-        rows.append(
-            {"predictor": name, "of": "time", "stratum": "all", "measure": "ms", "value": found["ms"]}
-        )
+        rows.append({"predictor": name, "of": "time", "stratum": "all", "measure": "ms", "value": found.ms})
     return rows
