@@ -64,7 +64,8 @@ def explore_all(
                 future.cancel()
             unwanted.set()  # not before: whoever gives up would begin the next
             pool.shutdown()
-        return [future.result() for future in futures if not future.cancelled()]
+        ended = [future.result() for future in futures if not future.cancelled()]
+        return [result for begun in ended for result in begun]
 
 
 def _begin(unwanted: Event) -> None:
@@ -72,6 +73,7 @@ def _begin(unwanted: Event) -> None:
     _worker.append(unwanted)
 
 
-def _explore(explore: Callable[[Job, Stop], Result], job: Job) -> Result:
-    """Do a job in a worker process."""
-    return explore(job, _worker[-1].is_set)
+def _explore(explore: Callable[[Job, Stop], Result], job: Job) -> list[Result]:
+    """Do a job in a worker process; nothing comes of one that nobody wants any more when it begins."""
+    stop = _worker[-1].is_set
+    return [] if stop() else [explore(job, stop)]
