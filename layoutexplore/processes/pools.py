@@ -77,8 +77,11 @@ def begin_worker(environment: Mapping[str, str]) -> None:
     Args:
         environment: Of the process that starts it; a forked worker has that of the first one's start.
     """
+    from layoutexplore.processes.compilation import LISTENER
+
     os.environ.clear()
     os.environ.update(environment)
+    LISTENER.is_silent = True  # who started it says that kernels are compiled; a forked worker listens, too
     # What own code may draw from: workers that are forked from one process would all draw the same.
     np.random.seed()  # noqa: NPY002
     if "torch" in sys.modules:

@@ -36,6 +36,18 @@ with worker_pool(2) as pool:
         print(*asked.result())
 """
 
+COMPILES = """
+import layoutexplore.grids
+from layoutexplore.plugins.transport import worker_pool
+compilation = "__import__('layoutexplore.processes.compilation', fromlist=['x'])"
+text = (
+    f"(setattr({compilation}, 'PATIENCE', -1.0), __import__('numba').njit(lambda x: x + 1)(2), "
+    f"{compilation}.LISTENER.is_silent)"
+)
+with worker_pool(1) as pool:
+    print(*pool.submit(eval, text).result()[1:])
+"""
+
 
 def test_workers_have_the_environment_and_the_folder_of_their_start(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -59,6 +71,12 @@ def test_workers_draw_by_chance_of_their_own() -> None:
     first, second = (line.split() for line in told.stdout.splitlines())
     assert first[0] == second[0] == "True"
     assert all(one != other for one, other in zip(first[1:], second[1:], strict=True))
+
+
+def test_workers_say_nothing_of_kernels() -> None:
+    """Who started them does; one that is forked from a process that listens would say it again."""
+    told = subprocess.run([sys.executable, "-c", COMPILES], capture_output=True, text=True, check=True)
+    assert told.stdout.split() == ["3", "True"] and not told.stderr
 
 
 def test_workers_are_spawned_where_sockets_have_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
