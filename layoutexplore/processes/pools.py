@@ -29,6 +29,8 @@ from layoutexplore.processes import (
     without_main,
 )
 
+_WHERE_MODULES_ARE = ("PYTHONPATH", "PYTHONSAFEPATH")
+
 
 def start_pool(workers: int, begin: Callable[[], object]) -> ProcessPoolExecutor:
     """A pool all of whose processes have been started.
@@ -87,9 +89,6 @@ def begin_worker(environment: Mapping[str, str]) -> None:
     if "torch" in sys.modules:
         sys.modules["torch"].seed()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that owns the workers
-
-
-_WHERE_MODULES_ARE = ("PYTHONPATH", "PYTHONSAFEPATH")
 
 
 def stop_pool(pool: ProcessPoolExecutor) -> None:

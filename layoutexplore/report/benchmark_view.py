@@ -293,7 +293,10 @@ class BenchmarkView:
     @property
     def versions(self) -> list[tuple[str, str]]:
         """Of this package and those that it stands on."""
-        return _versions()
+        found = [("layoutexplore", layoutexplore.__version__), ("Python", platform.python_version())]
+        installed = {name: next(iter(metadata.distributions(name=name)), None) for name in PACKAGES}
+        found += [(name, package.version) for name, package in installed.items() if package]
+        return [*found, ("system", f"{platform.system()} {platform.machine()}")]
 
 
 def _verdict(best: Comparison, baseline: str, *, same_cells: bool) -> str:
@@ -344,10 +347,3 @@ def _plan_lines(rows: Sequence[Row], baseline: str, level: str) -> list[PlanLine
         ratios = dict.fromkeys(metres, math.nan) | paired.get(key, {})
         lines.append(PlanLine(*key, areas[key], metres, ratios))
     return lines
-
-
-def _versions() -> list[tuple[str, str]]:
-    found = [("layoutexplore", layoutexplore.__version__), ("Python", platform.python_version())]
-    installed = {name: next(iter(metadata.distributions(name=name)), None) for name in PACKAGES}
-    found += [(name, package.version) for name, package in installed.items() if package]
-    return [*found, ("system", f"{platform.system()} {platform.machine()}")]

@@ -173,13 +173,8 @@ def test_an_agent_has_one_colour_and_a_label_at_its_end(folder: ResultsFolder) -
 
 def view_of(folder: ResultsFolder, rows: list[Row]) -> BenchmarkView:
     """Some rows of a folder, compared with nearest."""
-    return BenchmarkView(
-        folder=folder,
-        rows=rows,
-        manifest=folder.manifest(),
-        baseline="nearest",
-        comparisons=compare(rows, "nearest"),
-    )
+    view = BenchmarkView.of(folder, "nearest", compare(rows, "nearest"))
+    return dataclasses.replace(view, rows=rows)
 
 
 def test_the_documentation_has_every_column(folder: ResultsFolder) -> None:

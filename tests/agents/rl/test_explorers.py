@@ -47,6 +47,16 @@ def test_it_stops_within_a_job() -> None:
     assert time.monotonic() - began < LONG
 
 
+def test_jobs_that_wait_in_the_workers_are_not_done_when_nobody_wants_them() -> None:
+    """By then all have left this process: two are being done, and two are queued."""
+
+    def stop() -> bool:
+        time.sleep(2.0)
+        return True
+
+    assert len(explore_all(wait_for_stop, [LONG] * 4, stop, 2)) <= 2
+
+
 def test_an_interruption_does_not_wait_for_jobs() -> None:
     began = time.monotonic()
     asked: list[bool] = []
