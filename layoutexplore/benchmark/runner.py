@@ -64,7 +64,6 @@ WARM_UP_PLAN = """
 ####################
 """
 
-
 MOST_RUNS = 1_000_000
 """So many runs a benchmark may have: the list of them must fit into memory."""
 
@@ -204,11 +203,10 @@ def _fill(
     if missing:
         watcher.say("compiling and loading the kernels (slow only the first time)")
         apart = _apart(config, jobs, cluster) or config.cell_seconds > 0
-        warm_up(config, code, apart=apart, say=watcher.say)
+        warm_up(config, code, 1 if cluster else jobs, apart, watcher.say)
         if ":" in cluster:
             watcher.say(RUNS_CODE)
-        at_a_time = f", {jobs} at a time" if jobs > 1 else ""
-        watcher.say(f"exploring: {counted(len(missing), 'run')}{at_a_time}")
+        watcher.say(f"exploring: {counted(len(missing), 'run')}" + f", {jobs} at a time" * (jobs > 1))
     work = sum(task.plan.reachable_area for task in missing)
     areas, done = {plan.name: plan.reachable_area for plan in plans}, 0.0
     unasked: set[str] = set()
@@ -235,23 +233,29 @@ _UNASKED = (
 )
 
 
-def warm_up(config: BenchmarkConfig, code: OwnCode, *, apart: bool, say: Callable[[str], None]) -> None:
+def warm_up(
+    config: BenchmarkConfig, code: OwnCode, jobs: int, apart: bool, say: Callable[[str], None]
+) -> None:
     """A few decisions of every agent and sensor on a tiny plan: kernels are compiled, or loaded.
 
     Args:
         config: Of the benchmark.
         code: Of the user's own.
+        jobs: Processes that share the work; with one, it is this one.
         apart: Leave own code to its runs, which have limits, and to other processes, which it may end.
         say: Told of each agent of own code before it decides: one that never does is known by its name.
     """
     with code.installed():
         own = [agent for agent in config.agents if has_own_code(agent)]
-    for sensor in config.sensors:
-        for agent in config.agents:
-            if agent in own and not apart:
-                say(f"first decisions of {agent} on a tiny floor")
-            if not (agent in own and apart):
-                _warm_up(config, code, sensor, agent)
+    cells = [(s, a) for s in config.sensors for a in config.agents if not (apart and a in own)]
+    if jobs > 1:
+        for _ in run_all(functools.partial(_warm_up, config=config, code=code), cells, jobs=jobs, lost=bool):
+            pass
+        return
+    for cell in cells:
+        if cell[1] in own:
+            say(f"first decisions of {cell[1]} on a tiny floor")
+        _warm_up(cell, config, code)
 
 
 _warm: set[tuple[str, str]] = set()
@@ -263,17 +267,17 @@ def _warm_up_for(task: Task, config: BenchmarkConfig, code: OwnCode) -> None:
     with contextlib.suppress(Exception, SystemExit):  # the run fails in the same way
         cached_plan(task.plan.source)
     if (task.sensor, task.agent) not in _warm:
-        _warm_up(config, code, task.sensor, task.agent)
+        _warm_up((task.sensor, task.agent), config, code)
 
 
-def _warm_up(config: BenchmarkConfig, code: OwnCode, sensor: str, agent: str) -> None:
-    _warm.add((sensor, agent))
+def _warm_up(cell: tuple[str, str], config: BenchmarkConfig, code: OwnCode) -> None:
+    _warm.add(cell)
     cv2.setNumThreads(1)
     plan = floorplan_from_ascii(WARM_UP_PLAN, resolution=0.5, name="warm-up")
     # An agent that fails here fails again in its runs, where the failure is recorded.
     with contextlib.suppress(Exception, SystemExit), code.installed():
         play(
-            *prepare(plan, config.simulation_with(sensor), agent),
+            *prepare(plan, config.simulation_with(cell[0]), cell[1]),
             probe=CounterfactualRollouts if config.explain else None,
         )
 
@@ -287,9 +291,7 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
         settings = config.simulation_with(task.sensor)
         start = start_of(config, task.plan, task.start)
         seed = run_seed(config.seed, task.plan.name, task.start)
-        repeat = repeating_command(
-            task.plan.source, task.agent, task.sensor, settings, seed, start, folder.path
-        )
+        repeat = _repeating(task, config, folder)
         recorder, beliefs = Recorder(with_rooms=config.explain), BeliefNotes()
         with code.installed():
             simulation, agent = prepare(plan, settings, task.agent)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from layoutexplore.errors import LayoutExploreError
+
 if TYPE_CHECKING:
     from layoutexplore.grids.grid import OccupancyGrid
     from layoutexplore.maps.floorplan import FloorPlan
@@ -19,6 +21,10 @@ OTHER_AGENTS = ("mapex-gain", "aamas-2021", "policy", "layout-gain", "gain-exp",
 PREDICTORS = ("rectangle", "hull", "parallel-wall", "face-subset", "oracle:flip=0.1", "layout:network=off")
 
 
+MOST_JOBS = 4
+"""Processes: more would wait for each other's kernels most of the time."""
+
+
 def register(app: typer.Typer) -> None:
     """Add the command to the application."""
     app.command("warm-up", epilog="Example: layoutexplore warm-up")(warm_up_kernels)
@@ -28,21 +34,31 @@ def warm_up_kernels() -> None:
     """Compile all kernels now instead of at their first use; they are kept for the next time."""
     import time
 
+    from layoutexplore.benchmark.pool import run_all
     from layoutexplore.cli.progress import ProgressLine, plain_console
+    from layoutexplore.processes import usable_cores
     from layoutexplore.processes.compilation import LISTENER
 
-    began = time.monotonic()
-    console = plain_console()
     LISTENER.is_silent = True  # the bar says it
+    began, console = time.monotonic(), plain_console()
     with ProgressLine(console, "steps") as line:
         line.advance(0, 1, 0.0, "a floor plan")
-        steps = list(warm_up_steps())
-        for done, (name, step) in enumerate(steps):
-            line.advance(done, len(steps), done / len(steps), name)
-            step()
-        line.advance(len(steps), len(steps), 1.0)
-    seconds = time.monotonic() - began
-    console.print(f"compiled for {LISTENER.seconds:.0f} s of {seconds:.0f} s; it is kept for the next time")
+        names = [name for name, _ in warm_up_steps()]
+        # Those at either end have least in common: processes that need the same kernel wait for each other.
+        order = [names.pop(-(k % 2)) for k in range(len(names))]
+        results = run_all(_do_step, order, jobs=min(usable_cores(), MOST_JOBS), lost=_tell_of_lost)
+        for done, name in enumerate(results, 1):
+            line.advance(done, len(order), done / len(order), name)
+    console.print(f"done in {time.monotonic() - began:.0f} s; what was compiled is kept for the next time")
+
+
+def _do_step(name: str) -> str:
+    dict(warm_up_steps())[name]()
+    return name
+
+
+def _tell_of_lost(name: str) -> str:
+    raise LayoutExploreError(f"{name}: the process that compiled what it needs was killed (out of memory?)")
 
 
 def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
@@ -70,6 +86,8 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
     yield "a whole exploration", partial(_explore, whole, SimulationConfig(), "layout-tour")
     agent, config = "plan-tour:predictor=prior:rough", SimulationConfig(sensor="indoor")
     yield "a prior plan", partial(_explore, whole, config, agent)
+    for environment in ("Frontier", "Motion"):
+        yield f"environment {environment}", partial(_step, tiny, environment)
     grid = whole.rasterize(0.05).grid
     for method in METHOD_MODULES:
         yield f"layout method {method}", partial(reconstruct, grid, method)
@@ -77,8 +95,6 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
     for name in (*PREDICTORS, *(f"reconstruct:{method}" for method in METHOD_MODULES)):
         yield f"predictor {name}", partial(_predict, tiny, name)
     yield "closed doors", partial(predict_closed_rooms, grid)
-    for environment in ("Frontier", "Motion"):
-        yield f"environment {environment}", partial(_step, tiny, environment)
 
 
 def _ragged(grid: OccupancyGrid) -> OccupancyGrid:

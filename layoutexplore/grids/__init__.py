@@ -13,4 +13,8 @@ with contextlib.suppress(ImportError):
     from layoutexplore.processes.kernel_files import keep_kernels_apart
 
     keep_kernels_apart()
+with contextlib.suppress(ImportError):
+    from layoutexplore.processes.kernel_locks import compile_kernels_once
+
+    compile_kernels_once()
 tell_of_compilation()

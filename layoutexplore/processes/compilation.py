@@ -12,6 +12,9 @@ from numba.core import event
 PATIENCE = 1.0
 """Seconds of compiling that pass without a word."""
 
+WAITING = "layoutexplore:waiting for a kernel"
+"""The event of waiting for another process that compiles a kernel."""
+
 MESSAGE = (
     "layoutexplore: compiling kernels; this happens once, and takes some minutes for all of them "
     "(layoutexplore warm-up does it beforehand)"
@@ -19,7 +22,7 @@ MESSAGE = (
 
 
 class CompilationListener(event.Listener):
-    """Hears of what numba really compiles; what it finds in its cache is no such event."""
+    """Hears of what numba really compiles, here or elsewhere; what it finds in its cache is no such event."""
 
     def __init__(self) -> None:
         self.seconds = 0.0
@@ -49,4 +52,5 @@ LISTENER = CompilationListener()
 def tell_of_compilation() -> None:
     """Begin to listen; in worker processes nothing is said: the one that started them does."""
     if multiprocessing.parent_process() is None:
-        event.register("numba:compile", LISTENER)  # type: ignore[no-untyped-call]
+        for kind in ("numba:compile", WAITING):
+            event.register(kind, LISTENER)  # type: ignore[no-untyped-call]
