@@ -33,6 +33,9 @@ _SECONDS = 60.0
 _MOST_PIXELS = 3e7
 """A picture is not enlarged further for the OCR: letters of large scans are large."""
 
+OF_A_WORD = 0.9
+"""A separate mark belongs to a word if more than this share of it lies in the word's box."""
+
 WALL_SPREAD = 35.0
 """Grey levels by which a pixel of a wall differs from the usual wall at most."""
 
@@ -50,7 +53,7 @@ class BlueprintConfig:
         wall_width: Strokes thinner than this are door swings, stairs and dimension lines ...
         wall_share: ... and so are those thinner than this share of the usual wall, for plans whose scale is
             not known well; a share of 0 leaves them.
-        symbol_size: Separate marks that fit into a box of this side are symbols.
+        symbol_size: Separate marks that fit into a box of this side are symbols; words are no higher.
         tint: Dark boxes of up to that height with this colourfulness (0..1, channels' range over the
             brightest, on average) are symbols as well, even when they touch walls.
         opening: Gaps up to this width in the outer walls are closed before the outside is filled.
@@ -149,8 +152,7 @@ def grid_from_blueprint(
         boxes,
         cells_at_most(config.symbol_size, resolution, max(ink.shape)),
     )
-    for top, left, height, width in words:
-        walls[top : top + height, left : left + width] = False
+    walls &= ~_written(walls, [box for box in words if min(box[2:]) * resolution <= config.symbol_size])
     if not walls.any():
         raise MapError(
             f"the blueprint shows no walls: they are dark strokes of {config.wall_width:g} m and more, at "
@@ -203,6 +205,16 @@ def find_words(image: Bytes, config: BlueprintConfig) -> list[tuple[int, int, in
             top, left, height, width = (v / scale for v in box)
             boxes.append((int(top), int(left), int(np.ceil(height)) + 1, int(np.ceil(width)) + 1))
     return boxes
+
+
+def _written(marks: Mask, words: Sequence[tuple[int, int, int, int]]) -> Mask:
+    """The separate marks that lie in boxes of words, bool (h, w); the OCR takes walls for words as well."""
+    boxes = np.zeros_like(marks)
+    for top, left, height, width in words:
+        boxes[top : top + height, left : left + width] = True
+    count, part = cv2.connectedComponents(marks.astype(np.uint8), connectivity=8)
+    sizes, inside = (np.bincount(part[mask], minlength=count) for mask in (marks, marks & boxes))
+    return (inside > OF_A_WORD * sizes)[part] & marks
 
 
 def _templates_found(
