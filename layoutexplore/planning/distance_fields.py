@@ -13,10 +13,10 @@ from layoutexplore.errors import ConfigError, checks_making
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import Cell
-from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Search, find_moves, to_metres
+from layoutexplore.planning.canonical_search import STRAIGHT, Search, find_moves, to_metres
 from layoutexplore.planning.corner_paths import CornerPaths
 from layoutexplore.planning.distance_cache import DistanceCache
-from layoutexplore.planning.shortest_paths import distances_between, flat_indices, walk_down
+from layoutexplore.planning.shortest_paths import distances_between, flat_indices, in_metres, walk_down
 
 NOWHERE = np.empty(0, np.int64)
 """For a search that does not stop before its end."""
@@ -53,7 +53,7 @@ class DistanceField:
         self, search: Search, turn: Turn, cache: DistanceCache, resolution: float, settled: int
     ) -> None:
         self._search, self._turn, self._number = search, turn, turn.number
-        self._cache, self._scale = cache, resolution / STRAIGHT
+        self._cache, self._resolution, self._scale = cache, resolution, resolution / STRAIGHT
         self.units = self._units()
         self.settled = settled
         self._reached: Mask | None = None
@@ -166,7 +166,7 @@ class CornerField(DistanceField):
             units = self._paths.lengths_from(self._source, np.asarray(cells[reached], np.int64))
             places = (Cell(*cell) for cell in cells[reached].tolist())
             self._known |= zip(places, units.tolist(), strict=True)
-            lengths[reached] = self._in_metres(units, self._scale)
+            lengths[reached] = in_metres(units, self._resolution)
         return lengths
 
     def metres(self) -> Floats32:
@@ -177,12 +177,12 @@ class CornerField(DistanceField):
     def between(self, cells: Ints32, resolution: float) -> Floats32:
         """Lengths float32 (n, n) in metres between cells (n, 2) that have one, kept for later decisions."""
         self._check()
-        return self._in_metres(self._paths.between(cells), resolution / STRAIGHT)
+        return in_metres(self._paths.between(cells), resolution)
 
     def lengths_from(self, source: Cell, cells: Ints32, resolution: float) -> Floats32:
         """Lengths float32 (n,) in metres from one cell that has a length to others (n, 2)."""
         self._check()
-        return self._in_metres(self._paths.lengths_from(source, cells), resolution / STRAIGHT)
+        return in_metres(self._paths.lengths_from(source, cells), resolution)
 
     def _walk(self, row: int, col: int, settled: int) -> Ints32:
         here, there = self._source, Cell(row, col)
@@ -215,10 +215,6 @@ class CornerField(DistanceField):
         rows, cols = self._search.shape
         find_moves(self._world((0, rows - 2, 0, cols - 2)), self._search.moves, 0, 0)
         return self._search.spread((row + 1) * self._search.cols + col + 1, stops)
-
-    @staticmethod
-    def _in_metres(units: Ints, scale: float) -> Floats32:
-        return np.where(units == FAR, np.inf, units * scale).astype(np.float32)
 
 
 def around_paths(source: Cell, target: Cell, units: int, padded: tuple[int, ...]) -> Box:
