@@ -139,7 +139,7 @@ def write_partial_rooms_report(
     Args:
         out: The folder; made when missing.
         scores: Every score.
-        summary: What `summarise` made of them.
+        summary: What `summarise_partial_rooms` made of them.
         gallery: The rooms to show.
         command: Noted on the page.
 
