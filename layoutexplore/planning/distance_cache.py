@@ -16,7 +16,7 @@ from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Mask
 from layoutexplore.grids.morphology import check_mask
 from layoutexplore.planning.canonical_search import DIAGONAL, FAR, STRAIGHT
 from layoutexplore.planning.known_lengths import UNKNOWN, KnownLengths
-from layoutexplore.planning.shortest_paths import check_cells, in_metres, search_unknown
+from layoutexplore.planning.shortest_paths import check_cells, lengths_in_metres, search_unknown
 
 _MOST_CHANGES = 20_000
 """Changed cells from which everything is forgotten: looking at them all would take longer than searching."""
@@ -49,7 +49,7 @@ class DistanceCache:
         if (units == UNKNOWN).any():
             self.searches += search_unknown(world, wanted, units)
             self._known.units[np.ix_(rows, rows)] = units
-        return in_metres(units, resolution)
+        return lengths_in_metres(units, resolution)
 
     def _adapt(self, world: Mask) -> None:
         """Forget the lengths that may differ on this map, and remember it."""

@@ -16,7 +16,12 @@ from layoutexplore.grids.grid import Cell
 from layoutexplore.planning.canonical_search import STRAIGHT, Search, find_moves, to_metres
 from layoutexplore.planning.corner_paths import CornerPaths
 from layoutexplore.planning.distance_cache import DistanceCache
-from layoutexplore.planning.shortest_paths import distances_between, flat_indices, in_metres, walk_down
+from layoutexplore.planning.shortest_paths import (
+    distances_between,
+    flat_indices,
+    lengths_in_metres,
+    walk_down,
+)
 
 NOWHERE = np.empty(0, np.int64)
 """For a search that does not stop before its end."""
@@ -131,7 +136,6 @@ class CornerField(DistanceField):
         opened: Whether the source is shut and only counts as traversable.
         paths: The corners of the map; the source counts as traversable.
         barred: uint8 (rows + 2, cols + 2), 0 where a cell is connected with the source, 1 elsewhere.
-
     """
 
     def __init__(
@@ -164,7 +168,7 @@ class CornerField(DistanceField):
             units = self._paths.lengths_from(self._source, np.asarray(cells[reached], np.int64))
             places = (Cell(*cell) for cell in cells[reached].tolist())
             self._known |= zip(places, units.tolist(), strict=True)
-            lengths[reached] = in_metres(units, self._resolution)
+            lengths[reached] = lengths_in_metres(units, self._resolution)
         return lengths
 
     def metres(self) -> Floats32:
@@ -178,12 +182,12 @@ class CornerField(DistanceField):
     def between(self, cells: Ints32, resolution: float) -> Floats32:
         """Lengths float32 (n, n) in metres between cells (n, 2) that have one, kept for later decisions."""
         self._check()
-        return in_metres(self._paths.between(cells), resolution)
+        return lengths_in_metres(self._paths.between(cells), resolution)
 
     def lengths_from(self, source: Cell, cells: Ints32, resolution: float) -> Floats32:
         """Lengths float32 (n,) in metres from one cell that has a length to others (n, 2)."""
         self._check()
-        return in_metres(self._paths.lengths_from(source, cells), resolution)
+        return lengths_in_metres(self._paths.lengths_from(source, cells), resolution)
 
     def _walk(self, row: int, col: int) -> Ints32:
         here, there = self._source, Cell(row, col)

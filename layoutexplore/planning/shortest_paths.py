@@ -139,10 +139,10 @@ def distances_between(traversable: Mask, source: Cell, cells: Ints32, resolution
     start, places = check_cells(np.array([source]), world.shape), check_cells(cells, world.shape)
     space = workspace(world)
     units = space.lengths_to(int(flat_indices(start, space)[0]), flat_indices(places, space))
-    return in_metres(units, resolution)
+    return lengths_in_metres(units, resolution)
 
 
-def in_metres(units: Ints, resolution: float) -> Floats32:
+def lengths_in_metres(units: Ints, resolution: float) -> Floats32:
     """Lengths int64 in units of the search as float32 in metres, where `FAR` is inf."""
     return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
@@ -187,7 +187,7 @@ def distance_matrix(traversable: Mask, cells: Ints32, resolution: float) -> Floa
     # A cell that is there twice is no way from itself.
     units = np.where((places[:, None] == places).all(axis=2), np.int64(0), np.int64(UNKNOWN))
     search_unknown(world, places, units)
-    return in_metres(units, resolution)
+    return lengths_in_metres(units, resolution)
 
 
 def search_unknown(world: Mask, places: Ints, units: Ints) -> int:
