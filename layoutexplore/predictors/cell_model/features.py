@@ -232,7 +232,7 @@ def _first_axis(candidates: CandidateCells) -> Ints:
 
 def _outside(boxes: Ints, cells: Ints32) -> Ints:
     """Rows and columns int64 (n, 2) by which each cell lies outside of its box (n, 5), 0 inside."""
-    return np.maximum(np.maximum(boxes[:, 1:3] - cells, cells - boxes[:, 3:5] + 1), 0)
+    return np.asarray(np.maximum(np.maximum(boxes[:, 1:3] - cells, cells - boxes[:, 3:5] + 1), 0))
 
 
 def _typical_room(bit_map: BitMap, regions: Regions, resolution: float) -> tuple[float, float, float, float]:
