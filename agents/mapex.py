@@ -25,7 +25,7 @@ from layoutexplore.agents.base import register
 from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.frontiers.table import Frontier
-from layoutexplore.frontiers.visible_area import ray_table
+from layoutexplore.frontiers.visible_area import RayTable, ray_table
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32
 from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.options import option
@@ -145,8 +145,7 @@ def expected_new_area(
         np.asarray(leads_on, np.float64),
     )
     area = np.zeros(len(points), np.float64)
-    table = _Rays(*ray_table(int(rays), reach / resolution))
-    _expect(view, table, reach / resolution, fade / resolution, area)
+    _expect(view, ray_table(int(rays), reach / resolution), reach / resolution, fade / resolution, area)
     return area * (math.pi / rays * resolution**2)
 
 
@@ -159,17 +158,8 @@ class _View(NamedTuple):
     leads_on: Floats
 
 
-class _Rays(NamedTuple):
-    """The cells that rays cross, as `ray_table` gives them."""
-
-    rows: Ints
-    cols: Ints
-    entered: Floats
-    starts: Ints
-
-
 @njit(cache=True, nogil=True)
-def _expect(view: _View, rays: _Rays, reach: float, fade: float, area: Floats) -> None:
+def _expect(view: _View, rays: RayTable, reach: float, fade: float, area: Floats) -> None:
     """Sum over the rays of p (b^2 - a^2) over the unknown cells from a to b, all in cells."""
     height, width = view.cells.shape
     for k in range(len(view.points)):

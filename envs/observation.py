@@ -260,17 +260,14 @@ class Observer:
     def _marked(self, decision: Decision) -> Bytes:
         """The trail, the frontiers and what the layout predicts, as bits."""
         self._follow(decision)
-        layout = decision.rooms is not None and self.config.layout_channels
         marks = self._trail.marks.copy()
-        if layout:
+        if decision.rooms is not None and self.config.layout_channels:
             marks |= map_images.layout_marks(decision, self.config.rooms)
         if self.config.foresight:
             foreseen.mark_foreseen(
                 decision, marks, self.config.channels.index(foreseen.FORESIGHT_CHANNELS[0])
             )
-        if decision.frontiers:
-            cells = np.concatenate([frontier.cells for frontier in decision.frontiers])
-            marks[cells[:, 0], cells[:, 1]] |= map_images.FRONTIER
+        marks[tuple(decision.clusters.cells.T)] |= map_images.FRONTIER
         return marks
 
 

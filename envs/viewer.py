@@ -100,8 +100,8 @@ def draw_text(simulation: Simulation, *, columns: int = 100, frontiers: bool = T
     ranks: Bytes = np.full(cells.shape, _UNKNOWN, np.uint8)
     ranks[cells == FREE] = _FREE
     ranks[cells == OCCUPIED] = _WALL
-    for frontier in simulation.decision.frontiers if frontiers else ():
-        ranks[frontier.cells[:, 0], frontier.cells[:, 1]] = _FRONTIER
+    if frontiers:
+        ranks[tuple(simulation.decision.clusters.cells.T)] = _FRONTIER
     rows, cols = np.flatnonzero(ranks.any(axis=1)), np.flatnonzero(ranks.any(axis=0))
     ranks = ranks[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
     wide = max(1, math.ceil(ranks.shape[1] / columns))

@@ -6,6 +6,7 @@ neighbours without cutting corners, so what it can reach are the four-connected 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -219,6 +220,21 @@ class PlanRaster:
 def _holds(runs: Ints32, row: int, col: int) -> Mask:
     """Bool (n,): which of some runs int32 (n, 3) holds a cell."""
     return np.asarray((runs[:, 0] == row) & (runs[:, 1] <= col) & (col < runs[:, 2]))
+
+
+def meetings(rooms: Labels) -> Iterator[tuple[Ints, Ints]]:
+    """Where two rooms meet: first those below each other, then those side by side.
+
+    Args:
+        rooms: int (rows, cols), 0 for none.
+
+    Yields:
+        The first of both cells int64 (n, 2) as (row, col), and both rooms int64 (n, 2), rising.
+    """
+    for lower, upper in ((rooms[:-1], rooms[1:]), (rooms[:, :-1], rooms[:, 1:])):
+        cells = np.argwhere((lower != upper) & (lower > 0) & (upper > 0))
+        place = tuple(cells.T)
+        yield cells, np.sort(np.stack([lower[place], upper[place]], axis=1).astype(np.int64), axis=1)
 
 
 def resample(source: PlanRaster, ratios: Point, offset: Point, shape: tuple[int, int]) -> tuple[Mask, Labels]:

@@ -15,12 +15,13 @@ import shapely
 
 from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
+from layoutexplore.grids.components import components
 from layoutexplore.grids.grid import in_cells
 from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.grids.outlines import trace_mask
 from layoutexplore.grids.polygons import Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
-from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.maps.raster import PlanRaster, meetings
 from layoutexplore.maps.sizes import check_count, check_raster, windows
 
 DOORWAY_AREA = 4.0
@@ -174,12 +175,10 @@ def _touching(source: PlanRaster, oblique: bool, where: str) -> list[Door]:
     """A door for every stretch along which two rooms share the borders of cells."""
     ids = np.where(source.occupied, 0, source.room_ids)
     borders, pairs = [], []
-    for lower, upper, step in ((ids[:-1], ids[1:], (1.0, 0.5)), (ids[:, :-1], ids[:, 1:], (0.5, 1.0))):
-        meeting = np.argwhere((lower != upper) & (lower > 0) & (upper > 0))
-        check_count(where, "cells where rooms touch", len(meeting), "vertices")
-        place = tuple(meeting.T)
-        borders.append(meeting + step)
-        pairs.append(np.sort(np.stack([lower[place], upper[place]], axis=1).astype(np.int64), axis=1))
+    for (cells, rooms), step in zip(meetings(ids), ((1.0, 0.5), (0.5, 1.0)), strict=True):
+        check_count(where, "cells where rooms touch", len(cells), "vertices")
+        borders.append(cells + step)
+        pairs.append(rooms)
     points, sides = np.concatenate(borders), np.concatenate(pairs)
     level = np.arange(len(points)) < len(borders[0])
     found = _grouped(sides[:, 0] << 32 | sides[:, 1])
@@ -188,13 +187,13 @@ def _touching(source: PlanRaster, oblique: bool, where: str) -> list[Door]:
     doors: list[Door] = []
     for members in found:
         check_count(where, "doors", len(doors))
-        rooms = int(sides[members[0], 0]), int(sides[members[0], 1])
+        pair = int(sides[members[0], 0]), int(sides[members[0], 1])
         for stretch in _stretches(points[members]):
             group = members[stretch]
             across = np.array([1.0, 0.0]) if level[group].mean() >= 0.5 else np.array([0.0, 1.0])
             if oblique:
                 across = _across(points[group], across)
-            doors.append(_door(source, whole, points[group], across, rooms))
+            doors.append(_door(source, whole, points[group], across, pair))
     return doors
 
 
@@ -207,13 +206,10 @@ def _across(points: Floats, straight: Floats) -> Floats:
 
 def _stretches(points: Floats) -> list[Ints]:
     """Groups of points that lie within one cell of the next, as rising indices."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
     from scipy.spatial import cKDTree
 
     a, b = cKDTree(points).query_pairs(1.01, output_type="ndarray").T
-    near = coo_array((np.ones(len(a), np.bool_), (a, b)), shape=(len(points), len(points)))
-    return _grouped(connected_components(near, directed=False)[1])
+    return _grouped(components(a, b, len(points)))
 
 
 def _door(

@@ -18,8 +18,13 @@ from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats32, Ints, Ints32, Mask, Words
 from layoutexplore.grids.grid import Cell, in_cells
 from layoutexplore.grids.morphology import with_neighbours
-from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Workspace
-from layoutexplore.planning.shortest_paths import flat_indices, geodesic_distances, shortest_path
+from layoutexplore.planning.canonical_search import Workspace
+from layoutexplore.planning.shortest_paths import (
+    flat_indices,
+    geodesic_distances,
+    lengths_in_metres,
+    shortest_path,
+)
 
 _KEPT_WAYS, _KEPT_STOPS, _KEPT_FIELDS = 4000, 1000, 16
 _RECENT_WAYS = 500
@@ -109,8 +114,7 @@ class Places:
     def _lengths(self, cell: Cell) -> Floats32:
         """Path lengths float32 (n,) in metres from a cell to the places; inf where there is no path."""
         source = int(flat_indices(np.array([cell], np.int64), self._search)[0])
-        units = self._search.lengths_to(source, self._flat)
-        return np.where(units == FAR, np.inf, units * (self.resolution / STRAIGHT)).astype(np.float32)
+        return lengths_in_metres(self._search.lengths_to(source, self._flat), self.resolution)
 
     def field(self, cell: Cell) -> Floats32:
         """Path lengths float32 (rows, cols) from a cell in metres; large, so only the last few are kept."""

@@ -84,9 +84,19 @@ class PolicySpec:
         return [list(FRONTIER_FEATURES).index(name) for name in self.frontier_features]
 
     @property
+    def robot_columns(self) -> list[int]:
+        """Where its features of the robot stand among `ROBOT_FEATURES`."""
+        return [list(ROBOT_FEATURES).index(name) for name in self.robot_features]
+
+    @property
     def rank_column(self) -> int | None:
         """Where 1 / the place in the tour stands among its features; it alone is not compressed by asinh."""
         return self.frontier_features.index("tour_rank") if "tour_rank" in self.frontier_features else None
+
+    @property
+    def cost_feature(self) -> str:
+        """The feature of a frontier that speaks against it from the start: the detour, or else the way."""
+        return "path_length" if self.rank_column is None else "detour"
 
     def as_table(self) -> dict[str, Any]:
         """Nested plain values for TOML."""

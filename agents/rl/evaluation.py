@@ -26,7 +26,7 @@ from layoutexplore.errors import (
 from layoutexplore.files import read_csv
 from layoutexplore.files.reading import is_there
 from layoutexplore.files.schema import Items, Number, Record
-from layoutexplore.frontiers.decision import Agent
+from layoutexplore.frontiers.decision import Agent, predictor_of
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.metrics.exploration import score_curve
 from layoutexplore.predictors import make_predictor
@@ -147,7 +147,7 @@ def _explore(job: tuple[Agent | str, EvaluationCell], stop: Stop) -> Metres:
     if isinstance(agent, str):
         agent = make_agent(agent)
     plan, config = cached_plan(cell.plan), SimulationConfig(sensor=cell.sensor)
-    simulation = Simulation(plan, config, make_predictor(getattr(agent, "predictor", "none")))
+    simulation = Simulation(plan, config, make_predictor(predictor_of(agent)))
     start, seed = start_pose(plan, config, 0, cell.start), run_seed(0, plan.name, cell.start)
     episode = play(simulation, agent, seed=seed, start=start, until=lambda _: stop())
     curve = score_curve(episode.curve, budget=simulation.max_distance, target_area=simulation.target_area)

@@ -19,14 +19,13 @@ from torch.nn import functional
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.rl.agent import logits_of
 from layoutexplore.agents.rl.environments import environment_arguments
+from layoutexplore.agents.rl.explorers import Stop
 from layoutexplore.agents.rl.hyperparameters import ImitationConfig, TrainingConfig
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.envs.frontier import FrontierEnv
 from layoutexplore.envs.observation import Observer
 from layoutexplore.frontiers.decision import PATHS, STOP, Agent, Decision, Privileged, path_of
 from layoutexplore.grids.arrays import Ints
-
-Stop = Callable[[], bool]
 
 NEAR = 1.0
 """Metres from a frontier at which a teacher's way has come to it."""
@@ -95,8 +94,7 @@ def teachers_choice(teacher: Agent, decision: Decision) -> int:
         return int(choice)
     path = path_of(choice)
     radius = NEAR / decision.grid.resolution
-    places = np.array([frontier.viewpoint for frontier in decision.frontiers], np.float64)
-    gaps = np.hypot(*(path[:, None, :] - places[None]).transpose(2, 0, 1))
+    gaps = np.hypot(*(path[:, None, :] - decision.viewpoints).transpose(2, 0, 1))
     arrivals = np.where(gaps <= radius, np.arange(len(path))[:, None], len(path)).min(axis=0)
     first = int(np.argmin(arrivals))
     return first if arrivals[first] < len(path) else int(np.argmin(gaps[-1]))

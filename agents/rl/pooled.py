@@ -9,7 +9,7 @@ import numpy as np
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.agents.rl.linear import LinearPolicy, linear_shapes
 from layoutexplore.envs.egocentric_maps import NOWHERE
-from layoutexplore.envs.observation import ROBOT_FEATURES, encode_frontiers, encode_robot
+from layoutexplore.envs.observation import encode_frontiers, encode_robot
 from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Floats32
@@ -33,7 +33,7 @@ class PooledPolicy(LinearPolicy):
         self, name: str, weights: Mapping[str, Floats32], spec: PolicySpec, fingerprint: str = ""
     ) -> None:
         super().__init__(name, weights, spec, fingerprint)
-        self._robot = [list(ROBOT_FEATURES).index(feature) for feature in spec.robot_features]
+        self._robot = spec.robot_columns
 
     def logits(self, decision: Decision) -> Floats32:
         """float32 (n,): a logit for each of the decision's frontiers."""

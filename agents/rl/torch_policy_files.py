@@ -46,10 +46,9 @@ def load_actor(path: str | os.PathLike[str]) -> tuple[Actor, PolicySpec]:
     path = Path(path)
     spec = read_spec(path)
     tensors, _ = read_tensors(path, what="policy")
-    first = "path_length" if spec.rank_column is None else "detour"
-    if first not in spec.frontier_features:
+    if (needed := spec.cost_feature) not in spec.frontier_features:
         raise ResultsError(
-            f"{path}: the network that its card describes reads {first}, but the card does not"
+            f"{path}: the network that its card describes reads {needed}, but the card does not"
         )
     with torch.device("meta"):  # what the card describes may be much larger than what the file holds
         shapes = {name: tuple(values.shape) for name, values in Actor(spec).state_dict().items()}

@@ -300,8 +300,8 @@ class CounterfactualRollouts:
             given_up=(given_up.row, given_up.col),
             without=int(without),
             judged=_judged(decision.frontiers, truth.frontiers),
-            members=np.concatenate([f.cells for f in decision.frontiers]),
-            offsets=np.cumsum([0, *(len(f.cells) for f in decision.frontiers)]),
+            members=decision.clusters.cells,
+            offsets=decision.clusters.offsets,
         )
 
     def _pursue(self, decision: Decision, choice: Choice) -> None:

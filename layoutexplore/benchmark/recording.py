@@ -32,6 +32,8 @@ ROOMS_AT = (0.25, 0.5, 0.75)
 """Coverages at which the rooms believed are kept: predicting them for a picture takes time."""
 
 _PREFIX = "replay_"
+_NARROWED = ("first", "frontiers", "clusters", "decided", "shown", "flips", "rooms_at")
+"""Arrays int32 that are stored in 16 bits where they fit."""
 
 
 @checks_calls
@@ -76,18 +78,16 @@ class Recording:
         """The robot's grid after so many scans, int8 (rows, cols)."""
         NATURAL.convert("scans", scans)
         known = (self.first > 0) & (self.first <= scans)
-        values = np.where(self.occupied, OCCUPIED, FREE)
-        flat = np.where(known, values, UNKNOWN).astype(np.int8).ravel()
-        for _, cell in self.flips[self.flips[:, 0] <= scans].tolist():
-            flat[cell] = FREE if flat[cell] == OCCUPIED else OCCUPIED
-        return flat.reshape(self.first.shape)
+        flips = np.bincount(self.flips[self.flips[:, 0] <= scans, 1], minlength=self.first.size)
+        is_wall = self.occupied ^ (flips.reshape(self.first.shape) % 2 == 1)
+        return np.where(known, np.where(is_wall, OCCUPIED, FREE), UNKNOWN).astype(np.int8)
 
 
 def recording_to_arrays(recording: Recording) -> dict[str, NDArray[Any]]:
     """As named arrays, for a file: small types, booleans as bits."""
     arrays = {_PREFIX + name: getattr(recording, name) for name in Recording.__dataclass_fields__}
     arrays[f"{_PREFIX}occupied"] = np.packbits(recording.occupied)
-    for name in ("first", "frontiers", "clusters", "decided", "shown", "flips", "rooms_at"):
+    for name in _NARROWED:
         arrays[_PREFIX + name] = _narrow(arrays[_PREFIX + name])
     arrays[f"{_PREFIX}members"] = _narrow(np.diff(recording.members, prepend=np.int32(0)))
     return arrays
@@ -135,7 +135,7 @@ def recording_from_arrays(arrays: Mapping[str, NDArray[Any]], where: str = "the 
     found["occupied"] = bits.reshape(shape).astype(np.bool_)
     members = np.cumsum(found["members"], dtype=np.int64)
     _check_places(found, members, where)
-    for name in ("first", "frontiers", "clusters", "decided", "shown", "flips", "rooms_at"):
+    for name in _NARROWED:
         found[name] = found[name].astype(np.int32)
     found["members"] = members.astype(np.int32)
     return Recording(**found)

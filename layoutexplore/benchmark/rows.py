@@ -274,12 +274,14 @@ def column_meanings() -> list[tuple[str, str]]:
     return [(name, meaning) for name, meaning in pairs]
 
 
-_CONVERTERS: dict[str, Callable[[str], Any]] = {
+_OF_TYPE: dict[str, Callable[[str], Any]] = {
     "int": lambda text: _bounded(int(text)),
-    "float": lambda text: _bounded(float(text)),
+    "float": lambda text: _bounded(float(text)) if text else NAN,
     "bool": {"True": True, "False": False}.__getitem__,
     "str": str,
 }
+_CONVERTERS = {f.name: _OF_TYPE[str(f.type)] for f in dataclasses.fields(Row)}
+"""By column, what makes a value of a text."""
 
 
 def _bounded(value: float) -> float:
@@ -315,11 +317,9 @@ def parse_row(line: list[str], header: Sequence[str] = COLUMNS) -> Row:
     if len(line) != len(header):
         raise ValueError(f"a row has {len(line)} values, not {len(header)}")
     values: dict[str, Any] = {}
-    fields = {f.name: f for f in dataclasses.fields(Row)}
-    for f, text in zip((fields[name] for name in header), line, strict=True):
+    for name, text in zip(header, line, strict=True):
         try:
-            empty = f.type == "float" and not text
-            values[f.name] = float("nan") if empty else _CONVERTERS[str(f.type)](text)
+            values[name] = _CONVERTERS[name](text)
         except (ValueError, KeyError) as error:
-            raise ValueError(f"{f.name} cannot be {shortened(text)}") from error
+            raise ValueError(f"{name} cannot be {shortened(text)}") from error
     return Row(**values)

@@ -42,11 +42,13 @@ from layoutexplore.benchmark.store import ResultsFolder, locked, open_results
 from layoutexplore.drawing.beliefs import SUFFIX, BeliefNotes
 from layoutexplore.errors import ConfigError, WriteError, checks_arguments, counted
 from layoutexplore.grids.arrays import shows_shapes
+from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.options import JOBS, check_kind
 from layoutexplore.plugins.transport import NO_CODE, OwnCode, pack_own_code
 from layoutexplore.processes import asked_to_stop
+from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play, run_seed
 from layoutexplore.simulation.state import raster_of
 
@@ -288,9 +290,7 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
     repeat = "the same command"
     try:
         plan = cached_plan(task.plan.source)
-        settings = config.simulation_with(task.sensor)
-        start = start_of(config, task.plan, task.start)
-        seed = run_seed(config.seed, task.plan.name, task.start)
+        settings, seed, start = _conditions(task, config)
         repeat = _repeating(task, config, folder)
         recorder, beliefs = Recorder(with_rooms=config.explain), BeliefNotes()
         with code.installed():
@@ -388,13 +388,13 @@ def _empty_row(task: Task, config: BenchmarkConfig) -> Row:
 def _failed_row(task: Task, config: BenchmarkConfig, folder: ResultsFolder, message: str) -> Row:
     """The row of a run that did not come to its end; the command that repeats it is kept beside it."""
     row = dataclasses.replace(_empty_row(task, config), error=message)
-    folder.save_failure(row, f"{message}\nRepeat it: {_repeating(task, config, folder)}\n")
+    conditions = _conditions(task, config)
+    repeat = repeating_command(task.plan.source, task.agent, task.sensor, *conditions, folder.path)
+    folder.save_failure(row, f"{message}\nRepeat it: {repeat}\n")
     return row
 
 
-def _repeating(task: Task, config: BenchmarkConfig, folder: ResultsFolder) -> str:
-    """The command that repeats a run."""
-    settings = config.simulation_with(task.sensor)
-    start = start_of(config, task.plan, task.start)
+def _conditions(task: Task, config: BenchmarkConfig) -> tuple[SimulationConfig, int, Pose]:
+    """How a run is simulated, its seed and its start."""
     seed = run_seed(config.seed, task.plan.name, task.start)
-    return repeating_command(task.plan.source, task.agent, task.sensor, settings, seed, start, folder.path)
+    return config.simulation_with(task.sensor), seed, start_of(config, task.plan, task.start)

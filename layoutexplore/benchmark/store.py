@@ -127,8 +127,7 @@ class ResultsFolder:
                 rows.append(parse_row(line, lines[0]))
             except ValueError as error:
                 raise ResultsError(
-                    f"{self.table} is damaged: row {number}: {cause(error)}; remove the row, "
-                    "the same benchmark command makes it anew"
+                    f"{self.table} is damaged: row {number}: {cause(error)}; remove the row, {_ANEW}"
                 ) from error
         return rows
 

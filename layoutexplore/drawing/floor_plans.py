@@ -15,6 +15,7 @@ from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.boxes import window
 from layoutexplore.grids.grid import in_cells
+from layoutexplore.grids.morphology import depth_inside
 from layoutexplore.grids.polygons import Point
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.raster import PlanRaster
@@ -152,11 +153,11 @@ def _draw_numbers(sheet: Sheet, plan: FloorPlan, raster: PlanRaster) -> list[Box
 
 def _widest(mask: Mask) -> tuple[int, int, float]:
     """Of the cells (row, col) about as far from the rim as any the one nearest to the middle, and how far."""
-    depth = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    far = np.argwhere(depth >= 0.95 * depth.max()) - 1
+    depth = depth_inside(mask)
+    far = np.argwhere(depth >= 0.95 * depth.max())
     middle = (np.array(mask.shape) - 1) / 2
     row, col = far[int(np.abs(far - middle).sum(axis=1).argmin())].tolist()
-    return row, col, float(depth[row + 1, col + 1])
+    return row, col, float(depth[row, col])
 
 
 def _draw_caption(sheet: Sheet, plan: FloorPlan) -> None:

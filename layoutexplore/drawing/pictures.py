@@ -312,7 +312,7 @@ def _draw_way(image: Image, view: View, way: Floats) -> None:
 
 def _draw_viewpoints(image: Image, view: View, decision: Decision, target: int | None) -> None:
     """A ring where each frontier would be looked at from."""
-    points = view.fixed(decision.grid.cells_to_world([frontier.viewpoint for frontier in decision.frontiers]))
+    points = view.fixed(decision.grid.cells_to_world(decision.viewpoints))
     for k, (point, frontier) in enumerate(zip(points.tolist(), decision.frontiers, strict=True)):
         colour = _CLASSES[_class_of(frontier)]
         _dot(image, point, 4.5, palette.PLANNED if k == target else colour)

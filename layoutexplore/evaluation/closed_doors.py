@@ -9,6 +9,7 @@ not in IN; a prediction is what it makes free beyond IN.
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -98,8 +99,6 @@ def evaluate_triple(
 
     By the shipped models when None are given.
     """
-    import time
-
     cells = read_cells(triple.seen)
     shape = (cells.shape[0], cells.shape[1])
     seen, truth = cells == FREE, read_cells(triple.truth, shape) == FREE

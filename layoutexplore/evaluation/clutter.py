@@ -282,10 +282,7 @@ def wall_lines(grid: OccupancyGrid, directions: Floats | None = None) -> Floats:
     if directions is None or not len(directions):
         directions, _ = mean_shift_directions(segment_angles(segments), config.bandwidth, config.merge_angle)
     aligned, _ = align(segments, directions, np.pi)
-    walls = find_walls(aligned, config.wall_gap)
-    c, s = np.cos(directions)[walls.direction], np.sin(directions)[walls.direction]
-    ends = [(at * c - walls.offset * s, at * s + walls.offset * c) for at in (walls.start, walls.end)]
-    return np.stack((*ends[0], *ends[1]), axis=1)
+    return np.concatenate(find_walls(aligned, config.wall_gap).ends(directions), axis=1)
 
 
 @checks_arguments

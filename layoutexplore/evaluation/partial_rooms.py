@@ -182,7 +182,7 @@ def find_items(snapshot: Snapshot) -> list[Item]:
     ids = np.where(raster.free, raster.room_ids, 0)
     total = np.bincount(ids.ravel())
     share = np.bincount(ids[cells != UNKNOWN], minlength=len(total)) / np.maximum(total, 1)
-    members = np.concatenate([f.cells for f in snapshot.decision.frontiers])
+    members = snapshot.decision.clusters.cells
     owners = raster.room_ids[members[:, 0], members[:, 1]]
     length = np.bincount(owners, minlength=len(total)) * raster.resolution
     partial = (share >= SEEN[0]) & (share <= SEEN[1]) & (length >= FRONTIER_MIN - 1e-9)

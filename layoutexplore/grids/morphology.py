@@ -97,6 +97,22 @@ def with_neighbours(mask: Mask, reach: int = 1) -> Mask:
     return cv2.dilate(np.ascontiguousarray(mask).view(np.uint8), square).view(np.bool_)
 
 
+def depth_inside(mask: Mask) -> Floats32:
+    """Cells float32 (rows, cols) from the centre of each cell of a mask to that of the nearest one outside.
+
+    All around the array is outside, and cells outside are 0 deep.
+
+    Args:
+        mask: bool (rows, cols).
+
+    Example:
+        >>> depth_inside(np.array([[True, True, False]])).tolist()
+        [[1.0, 1.0, 0.0]]
+    """
+    padded = np.pad(mask, 1).view(np.uint8)
+    return np.asarray(cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1])
+
+
 def opened_by_box(mask: Mask, rows: int, cols: int) -> Mask:
     """The cells of a mask that a box of so many rows and columns covers that lies in it, or half outside.
 

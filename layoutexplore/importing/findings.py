@@ -12,6 +12,8 @@ import numpy as np
 import shapely
 
 from layoutexplore.errors import checks_arguments, counted
+from layoutexplore.grids.arrays import Mask
+from layoutexplore.grids.morphology import depth_inside
 from layoutexplore.grids.polygons import Point
 from layoutexplore.maps.floorplan import Door, FloorPlan
 
@@ -174,11 +176,10 @@ def _out_of_reach(plan: FloorPlan, radius: float) -> Iterator[Finding]:
         )
 
 
-def _middle(mask: np.ndarray) -> tuple[int, int]:
+def _middle(mask: Mask) -> tuple[int, int]:
     """The cell (row, col) of a mask farthest from everything else."""
-    depth = cv2.distanceTransform(np.pad(mask, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    row, col = np.unravel_index(int(depth.argmax()), depth.shape)
-    return int(row) - 1, int(col) - 1
+    row, col = np.unravel_index(int(depth_inside(mask).argmax()), mask.shape)
+    return int(row), int(col)
 
 
 def _rooms(plan: FloorPlan) -> Iterator[Finding]:

@@ -16,9 +16,10 @@ from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.flood import spread_in_place
 from layoutexplore.grids.grid import Cell
+from layoutexplore.grids.morphology import depth_inside
 from layoutexplore.importing.building import Building
 from layoutexplore.maps.floorplan import Door
-from layoutexplore.maps.raster import PlanRaster
+from layoutexplore.maps.raster import PlanRaster, meetings
 
 SAME_WAY = 1.0
 """Metres; a border this near to an open door of its two rooms is that door."""
@@ -56,10 +57,7 @@ def find_openings(building: Building, *, radius: float) -> list[DoorlessWay]:
     cells, pairs = _borders(nearest)
     if not len(cells):
         return []
-    clearance = cv2.distanceTransform(
-        np.pad(grid.free, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
-    )
-    far = np.asarray(clearance[1:-1, 1:-1][cells[:, 0], cells[:, 1]], np.float32)
+    far = depth_inside(grid.free)[cells[:, 0], cells[:, 1]]
     doors: dict[tuple[int, int], list[Door]] = {}
     for door in building.plan.doors:
         if door.is_open:
@@ -77,12 +75,7 @@ def find_openings(building: Building, *, radius: float) -> list[DoorlessWay]:
 
 def _borders(rooms: Ints32) -> tuple[Ints, Ints]:
     """Cells int64 (n, 2) as (row, col) beside a cell of another room, and both rooms int64 (n, 2), rising."""
-    cells, pairs = [], []
-    for lower, upper in ((rooms[:-1], rooms[1:]), (rooms[:, :-1], rooms[:, 1:])):
-        meeting = np.argwhere((lower != upper) & (lower > 0) & (upper > 0))
-        place = tuple(meeting.T)
-        cells.append(meeting)
-        pairs.append(np.sort(np.stack([lower[place], upper[place]], axis=1).astype(np.int64), axis=1))
+    cells, pairs = zip(*meetings(rooms), strict=True)
     return np.concatenate(cells), np.concatenate(pairs)
 
 

@@ -10,7 +10,6 @@ import os
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import shapely
 from shapely.geometry import mapping
@@ -20,6 +19,7 @@ from layoutexplore.errors import checks_arguments
 from layoutexplore.files import write_atomically, write_json
 from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.grid import Pose
+from layoutexplore.grids.morphology import depth_inside
 from layoutexplore.grids.polygons import Point
 from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.importing.building import Building
@@ -54,8 +54,7 @@ def room_goals(building: Building, *, radius: float = GOAL_RADIUS) -> dict[int, 
     grid = building.grid
     raster = PlanRaster(~grid.free, building.room_ids, grid.resolution, grid.origin)
     reachable = raster.reachable(radius)
-    depth = cv2.distanceTransform(np.pad(grid.free, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    clearance = np.minimum(depth[1:-1, 1:-1] * grid.resolution, CLEARANCE)
+    clearance = np.minimum(depth_inside(grid.free) * grid.resolution, CLEARANCE)
     goals: dict[int, Point | None] = {room.id: None for room in building.plan.rooms}
     for number, window in windows(building.plan.name, building.room_ids):
         places = (building.room_ids[window] == number) & reachable[window]

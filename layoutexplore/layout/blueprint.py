@@ -21,7 +21,7 @@ from layoutexplore.errors import ConfigError, MapError, MissingExtraError, check
 from layoutexplore.files.images import read_pixels
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, check_resolution
-from layoutexplore.grids.morphology import closed_by_box, opened_by_box, with_neighbours
+from layoutexplore.grids.morphology import closed_by_box, depth_inside, opened_by_box, with_neighbours
 from layoutexplore.grids.outside import find_outside
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION
 from layoutexplore.layout.limits import cells_at_most
@@ -296,7 +296,7 @@ def _usual_width(ink: Mask) -> float:
     """
     if not ink.any():
         return 0.0
-    depth = cv2.distanceTransform(np.pad(ink, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    depth = depth_inside(ink)
     middles = depth[(depth > 0) & (depth >= cv2.dilate(depth, np.ones((3, 3), np.uint8)))]
     order = np.sort(middles)
     return float(2 * order[np.searchsorted(np.cumsum(order), order.sum() / 2)] - 1)

@@ -14,8 +14,7 @@ from layoutexplore.grids.arrays import Bytes, Ints, Ints32
 from layoutexplore.planning.canonical_search import FAR
 from layoutexplore.planning.corner_graph import CornerGraph, outdated
 from layoutexplore.planning.corner_search import Links, find_links, lengths_at, shorten
-from layoutexplore.planning.distance_cache import next_source
-from layoutexplore.planning.known_lengths import UNKNOWN, KnownLengths
+from layoutexplore.planning.known_lengths import UNKNOWN, KnownLengths, sources_to_search
 
 _MOST_PLACES = 512
 """Places that are kept; beyond it only those that are asked for are."""
@@ -93,12 +92,8 @@ class CornerPaths:
 
     def _fill(self, rows: Ints, units: Ints) -> None:
         """Search for the unknown entries of units int64 (n, n) between places by their rows."""
-        targets, first = _chosen(self._links, rows), -1
-        while True:
-            source = int(next_source(units, first))
-            if source < 0:
-                return
-            first = source if first < 0 else first
+        targets = _chosen(self._links, rows)
+        for source in sources_to_search(units):
             missing = np.flatnonzero(units[source] == UNKNOWN)
             found = self._search(targets, source, targets)[missing]
             units[source, missing] = units[missing, source] = found

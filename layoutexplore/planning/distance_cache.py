@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Mask
 from layoutexplore.grids.morphology import check_mask
-from layoutexplore.planning.canonical_search import DIAGONAL, FAR, STRAIGHT, workspace
+from layoutexplore.planning.canonical_search import DIAGONAL, FAR, STRAIGHT
 from layoutexplore.planning.known_lengths import UNKNOWN, KnownLengths
-from layoutexplore.planning.shortest_paths import check_cells, entrances, flat_indices
+from layoutexplore.planning.shortest_paths import check_cells, lengths_in_metres, search_unknown
 
 _MOST_CHANGES = 20_000
 """Changed cells from which everything is forgotten: looking at them all would take longer than searching."""
@@ -47,9 +47,9 @@ class DistanceCache:
         rows = self._known.rows(wanted)
         units = self._known.units[np.ix_(rows, rows)]
         if (units == UNKNOWN).any():
-            self._search(world, wanted, units)
+            self.searches += search_unknown(world, wanted, units)
             self._known.units[np.ix_(rows, rows)] = units
-        return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
+        return lengths_in_metres(units, resolution)
 
     def _adapt(self, world: Mask) -> None:
         """Forget the lengths that may differ on this map, and remember it."""
@@ -66,27 +66,6 @@ class DistanceCache:
         elif len(known.cells):
             near = nearest_change(known.cells, changes, world.shape[1])
             known.forget(near[:, None] + near[None, :] - 2 * STRAIGHT <= known.units)
-
-    def _search(self, world: Mask, places: Ints, units: Ints) -> None:
-        """Fill the unknown entries of units int64 (n, n) in place."""
-        space = workspace(world)
-        flat = flat_indices(places, space)
-        doors, steps = entrances(flat, space)
-        first = -1
-        while True:
-            # The outermost place first: what remains lies ever closer together, and searches stop ever
-            # sooner.
-            source = int(next_source(units, first))
-            if source < 0:
-                return
-            first = source if first < 0 else first
-            targets = np.flatnonzero(units[source] == UNKNOWN)
-            ahead = doors[targets]
-            reached = (
-                space.lengths_to(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + steps[targets]
-            ).min(axis=1)
-            units[source, targets] = units[targets, source] = np.minimum(reached, FAR)
-            self.searches += 1
 
 
 @njit(cache=True, nogil=True)
@@ -124,17 +103,3 @@ def nearest_change(places: Ints, changes: Ints, cols: int) -> Ints:
             best = min(best, np.int32(straight * max(one, other) + more * min(one, other)))
         nearest[k] = best
     return nearest
-
-
-@njit(cache=True, nogil=True)
-def next_source(units: Ints, first: int) -> int:
-    """The place with the most unknown lengths, of equals the one farthest from `first`; -1 if none is."""
-    source, most = -1, 0
-    for k in range(len(units)):
-        missing = 0
-        for length in units[k]:
-            missing += length == UNKNOWN
-        farther = first >= 0 and most > 0 and missing == most and units[first, k] > units[first, source]
-        if missing > most or farther:
-            source, most = k, missing
-    return source

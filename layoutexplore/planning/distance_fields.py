@@ -10,13 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, checks_making
-from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Floats32, Ints32, Mask
 from layoutexplore.grids.boxes import Box
 from layoutexplore.grids.grid import Cell
-from layoutexplore.planning.canonical_search import FAR, STRAIGHT, Search, find_moves, to_metres
+from layoutexplore.planning.canonical_search import STRAIGHT, Search, find_moves, to_metres
 from layoutexplore.planning.corner_paths import CornerPaths
 from layoutexplore.planning.distance_cache import DistanceCache
-from layoutexplore.planning.shortest_paths import distances_between, flat_indices, walk_down
+from layoutexplore.planning.shortest_paths import (
+    distances_between,
+    flat_indices,
+    lengths_in_metres,
+    walk_down,
+)
 
 NOWHERE = np.empty(0, np.int64)
 """For a search that does not stop before its end."""
@@ -45,20 +50,20 @@ class DistanceField:
         settled: As of `Search.spread`.
 
     Attributes:
-        units: int32 (rows + 2, cols + 2), lengths in units of the search, from an origin on.
-        settled: The greatest of them that is a length; what lies above is not reached.
+        settled: The greatest of `units` that is a length; what lies above is not reached.
     """
 
     def __init__(
         self, search: Search, turn: Turn, cache: DistanceCache, resolution: float, settled: int
     ) -> None:
         self._search, self._turn, self._number = search, turn, turn.number
-        self._cache, self._scale = cache, resolution / STRAIGHT
-        self.units = self._units()
+        self._cache, self._resolution, self._scale = cache, resolution, resolution / STRAIGHT
         self.settled = settled
         self._reached: Mask | None = None
 
-    def _units(self) -> NDArray[np.integer]:
+    @property
+    def units(self) -> NDArray[np.integer]:
+        """int32 (rows + 2, cols + 2), lengths in units of the search, from an origin on."""
         return self._search.distance.reshape(self._search.shape)
 
     @property
@@ -91,7 +96,7 @@ class DistanceField:
         row, col = int(target[0]), int(target[1])
         if self.units[row + 1, col + 1] > self.settled:
             raise ConfigError(f"cell ({row}, {col}) cannot be reached: its distance is infinite")
-        return self._walk(row, col, self.settled)
+        return self._walk(row, col)
 
     def between(self, cells: Ints32, resolution: float) -> Floats32:
         """Lengths float32 (n, n) in metres between cells (n, 2) that have one, kept for later decisions."""
@@ -107,10 +112,9 @@ class DistanceField:
         to_metres(search.distance, float(search.origin), self._scale, settled, lengths)
         return lengths
 
-    def _walk(self, row: int, col: int, settled: int) -> Ints32:
-        search = self._search
-        units, origin = search.distance.reshape(search.shape), float(search.origin)
-        return walk_down(units, 1, origin, self._scale, float(settled), search.moves, row, col)
+    def _walk(self, row: int, col: int) -> Ints32:
+        moves, origin = self._search.moves, float(self._search.origin)
+        return walk_down(self.units, 1, origin, self._scale, float(self.settled), moves, row, col)
 
     def _check(self) -> None:
         if self._turn.number != self._number:
@@ -132,10 +136,6 @@ class CornerField(DistanceField):
         opened: Whether the source is shut and only counts as traversable.
         paths: The corners of the map; the source counts as traversable.
         barred: uint8 (rows + 2, cols + 2), 0 where a cell is connected with the source, 1 elsewhere.
-
-    Attributes:
-        units: `barred`; with `settled` it tells what is reached, as in a `DistanceField`.
-        settled: 0.
     """
 
     def __init__(
@@ -154,7 +154,9 @@ class CornerField(DistanceField):
         super().__init__(search, turn, cache, resolution, 0)
         self._known: dict[tuple[int, int], int] = {}
 
-    def _units(self) -> NDArray[np.integer]:
+    @property
+    def units(self) -> NDArray[np.integer]:
+        """uint8 (rows + 2, cols + 2), `barred`: what is `settled`, 0, is reached."""
         return self._barred
 
     def to_cells(self, cells: NDArray[np.integer]) -> Floats32:
@@ -166,25 +168,28 @@ class CornerField(DistanceField):
             units = self._paths.lengths_from(self._source, np.asarray(cells[reached], np.int64))
             places = (Cell(*cell) for cell in cells[reached].tolist())
             self._known |= zip(places, units.tolist(), strict=True)
-            lengths[reached] = self._in_metres(units, self._scale)
+            lengths[reached] = lengths_in_metres(units, self._resolution)
         return lengths
 
     def metres(self) -> Floats32:
         """Lengths float32 (rows, cols) in metres to every cell, inf where there is no path."""
         self._check()
-        return self._metres(self._spread(NOWHERE))
+        row, col = self._source
+        rows, cols = self._search.shape
+        find_moves(self._world((0, rows - 2, 0, cols - 2)), self._search.moves, 0, 0)
+        return self._metres(self._search.spread((row + 1) * self._search.cols + col + 1, NOWHERE))
 
     def between(self, cells: Ints32, resolution: float) -> Floats32:
         """Lengths float32 (n, n) in metres between cells (n, 2) that have one, kept for later decisions."""
         self._check()
-        return self._in_metres(self._paths.between(cells), resolution / STRAIGHT)
+        return lengths_in_metres(self._paths.between(cells), resolution)
 
     def lengths_from(self, source: Cell, cells: Ints32, resolution: float) -> Floats32:
         """Lengths float32 (n,) in metres from one cell that has a length to others (n, 2)."""
         self._check()
-        return self._in_metres(self._paths.lengths_from(source, cells), resolution / STRAIGHT)
+        return lengths_in_metres(self._paths.lengths_from(source, cells), resolution)
 
-    def _walk(self, row: int, col: int, settled: int) -> Ints32:
+    def _walk(self, row: int, col: int) -> Ints32:
         here, there = self._source, Cell(row, col)
         if there not in self._known:
             (self._known[there],) = self._paths.lengths_from(here, np.array([there])).tolist()
@@ -209,16 +214,6 @@ class CornerField(DistanceField):
         if self._opened:
             world[self._source.row - row0 + 1, self._source.col - col0 + 1] = 0
         return world
-
-    def _spread(self, stops: Ints) -> int:
-        row, col = self._source
-        rows, cols = self._search.shape
-        find_moves(self._world((0, rows - 2, 0, cols - 2)), self._search.moves, 0, 0)
-        return self._search.spread((row + 1) * self._search.cols + col + 1, stops)
-
-    @staticmethod
-    def _in_metres(units: Ints, scale: float) -> Floats32:
-        return np.where(units == FAR, np.inf, units * scale).astype(np.float32)
 
 
 def around_paths(source: Cell, target: Cell, units: int, padded: tuple[int, ...]) -> Box:

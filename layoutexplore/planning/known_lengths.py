@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
+from numba import njit
 
 from layoutexplore.grids.arrays import Ints, Mask
 
@@ -59,6 +62,38 @@ class KnownLengths:
         self.cells, self.units = self.cells[rows], self.units[rows][:, rows]
 
     def forget(self, differ: Mask) -> None:
-        """Forget some lengths: bool (n, n), or one bool for all."""
+        """Forget some lengths: bool (n, n)."""
         self.units[differ] = UNKNOWN
         np.fill_diagonal(self.units, 0)
+
+
+def sources_to_search(units: Ints) -> Iterator[int]:
+    """Places from which to search until no length int64 (n, n) is unknown; whoever asks fills in the lengths.
+
+    After the first one the outermost: what remains lies ever closer together, and searches stop ever sooner.
+
+    Example:
+        >>> units = np.array([[0, -1], [-1, 0]])
+        >>> for source in sources_to_search(units):
+        ...     units[source] = units[:, source] = 5
+        >>> units.tolist()
+        [[5, 5], [5, 0]]
+    """
+    source = first = int(next_source(units, -1))
+    while source >= 0:
+        yield source
+        source = int(next_source(units, first))
+
+
+@njit(cache=True, nogil=True)
+def next_source(units: Ints, first: int) -> int:
+    """The place with the most unknown lengths, of equals the one farthest from `first`; -1 if none is."""
+    source, most = -1, 0
+    for k in range(len(units)):
+        missing = 0
+        for length in units[k]:
+            missing += length == UNKNOWN
+        farther = first >= 0 and most > 0 and missing == most and units[first, k] > units[first, source]
+        if missing > most or farther:
+            source, most = k, missing
+    return source

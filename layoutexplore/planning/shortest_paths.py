@@ -26,6 +26,7 @@ from layoutexplore.planning.canonical_search import (
     to_metres,
     workspace,
 )
+from layoutexplore.planning.known_lengths import UNKNOWN, sources_to_search
 
 
 def geodesic_distances(
@@ -138,6 +139,11 @@ def distances_between(traversable: Mask, source: Cell, cells: Ints32, resolution
     start, places = check_cells(np.array([source]), world.shape), check_cells(cells, world.shape)
     space = workspace(world)
     units = space.lengths_to(int(flat_indices(start, space)[0]), flat_indices(places, space))
+    return lengths_in_metres(units, resolution)
+
+
+def lengths_in_metres(units: Ints, resolution: float) -> Floats32:
+    """Lengths int64 in units of the search as float32 in metres, where `FAR` is inf."""
     return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
 
 
@@ -178,27 +184,24 @@ def distance_matrix(traversable: Mask, cells: Ints32, resolution: float) -> Floa
     world = check_mask(traversable)
     check_resolution(resolution)
     places = check_cells(cells, world.shape)
-    n = len(places)
-    units = np.full((n, n), FAR, np.int64)
-    np.fill_diagonal(units, 0)
-    if n > 1:
-        space = workspace(world)
-        flat = flat_indices(places, space)
-        doors, lengths = entrances(flat, space)
-        waiting = np.arange(n)
-        source = 0
-        while len(waiting) > 1:
-            waiting = waiting[waiting != source]
-            ahead = doors[waiting]
-            reached = (
-                space.lengths_to(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + lengths[waiting]
-            )
-            reached = np.where(reached >= FAR, FAR, reached).min(axis=1)
-            reached[flat[waiting] == flat[source]] = 0
-            units[source, waiting] = units[waiting, source] = reached
-            # The outermost place next: what remains lies ever closer together, and searches stop ever sooner.
-            source = int(waiting[np.argmax(units[0, waiting])])
-    return np.where(units == FAR, np.inf, units * (resolution / STRAIGHT)).astype(np.float32)
+    # A cell that is there twice is no way from itself.
+    units = np.where((places[:, None] == places).all(axis=2), np.int64(0), np.int64(UNKNOWN))
+    search_unknown(world, places, units)
+    return lengths_in_metres(units, resolution)
+
+
+def search_unknown(world: Mask, places: Ints, units: Ints) -> int:
+    """Fill in the unknown lengths int64 (n, n) between cells (n, 2), in units of the search; by how many."""
+    space, count = workspace(world), 0
+    flat = flat_indices(places, space)
+    doors, steps = entrances(flat, space)
+    for source in sources_to_search(units):
+        targets = np.flatnonzero(units[source] == UNKNOWN)
+        ahead = doors[targets]
+        lengths = space.lengths_to(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + steps[targets]
+        units[source, targets] = units[targets, source] = np.minimum(lengths.min(axis=1), FAR)
+        count += 1
+    return count
 
 
 def check_cells(cells: ArrayLike, shape: tuple[int, ...]) -> Ints:

@@ -294,7 +294,7 @@ def predictor_of_prior(text: str) -> PriorPredictor:
     return found
 
 
-def _number(where: str, key: str, text: str) -> Any:
+def _number(where: str, key: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:

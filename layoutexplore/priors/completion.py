@@ -146,18 +146,22 @@ def rooms_apart(registration: Registration, hypothesis: Hypothesis) -> set[int]:
 
 def _in_plan(points: Floats, registration: Registration, hypothesis: Hypothesis) -> tuple[Ints, Ints]:
     """Rows and columns int64 (m,) in the plan's fields of world points float64 (n, 2) that lie in them."""
-    fields = registration.fields
-    place = np.floor((hypothesis.placed.to_plan(points) - fields.low) / fields.cell).astype(np.int64)
-    inside = ((place >= 0) & (place < fields.free.shape[::-1])).all(axis=1)
+    place = _cells_of_plan(points, registration, hypothesis)
+    inside = ((place >= 0) & (place < registration.fields.free.shape[::-1])).all(axis=1)
     col, row = place[inside].T
     return row, col
+
+
+def _cells_of_plan(points: Floats, registration: Registration, hypothesis: Hypothesis) -> Ints:
+    """Columns and rows int64 (n, 2) in the plan's fields, or beyond them, of world points float64 (n, 2)."""
+    fields = registration.fields
+    return np.floor((hypothesis.placed.to_plan(points) - fields.low) / fields.cell).astype(np.int64)
 
 
 def _usual_error(registration: Registration, hypothesis: Hypothesis) -> float:
     """The median distance in metres of seen walls from those of the plan."""
     fields = registration.fields
-    at = hypothesis.placed.to_plan(thinned(registration.evidence.walls))
-    place = np.floor((at - fields.low) / fields.cell).astype(int)
+    place = _cells_of_plan(thinned(registration.evidence.walls), registration, hypothesis)
     col, row = np.clip(place, 0, np.array(fields.free.shape[::-1]) - 1).T
     return float(np.median(fields.to_walls[row, col])) * hypothesis.world_scale
 

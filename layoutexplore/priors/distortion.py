@@ -6,6 +6,7 @@ walls move to round numbers, a smooth field stretches locally, then scale, aspec
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass, field
 
@@ -151,9 +152,7 @@ def draw_distorted(
     y = frame.origin.y + (rows + 0.5) * frame.resolution
     drawn = distortion.forward(np.stack([x, y], axis=1))
     low, high = drawn.min(axis=0) - MARGIN, drawn.max(axis=0) + MARGIN
-    placed = Distortion(
-        snaps=distortion.snaps, waves=distortion.waves, matrix=distortion.matrix, shift=distortion.shift - low
-    )
+    placed = dataclasses.replace(distortion, shift=distortion.shift - low)
     width, height = np.ceil((high - low) / resolution).astype(int).tolist()
     corner = np.array([frame.origin.x, frame.origin.y])
     true = _true_points(placed, (height, width), resolution, corner)

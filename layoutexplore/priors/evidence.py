@@ -20,7 +20,7 @@ CLEARANCE = 0.4
 """Metres of floor points from seen walls: nearer ones say little when a plan is a little off."""
 
 SMOOTHING = 4.0
-"""Degrees of the smoothing of directions."""
+"""Degrees: two standard deviations of the smoothing of directions, and how near their mean is taken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +109,8 @@ def wall_direction(free: Mask) -> float:
         return 0.0
     quarter = np.degrees(np.arctan2(gy[strong], gx[strong])) % 90.0
     counts = np.bincount(np.rint(2 * quarter).astype(int) % 180, weights=weight[strong], minlength=180)
-    kernel = np.exp(-0.5 * (np.arange(-90, 90) / (2 * SMOOTHING / 2)) ** 2)
+    degrees = 0.5 * np.arange(-90, 90)
+    kernel = np.exp(-0.5 * (degrees / (0.5 * SMOOTHING)) ** 2)
     smoothed = np.real(np.fft.ifft(np.fft.fft(counts) * np.fft.fft(np.fft.ifftshift(kernel))))
     best = 0.5 * float(smoothed.argmax())
     # The mean of what lies near the best direction, seen from there.

@@ -202,6 +202,14 @@ def _in_metres(plan: FloorPlan, scale: float) -> tuple[FloorPlan, float]:
 
 
 @checks_arguments
+def plan_of_nothing(name: str, unused: str = "", *, cells: int = 1, resolution: float = 1.0) -> PriorPlan:
+    """A square plan of so many cells a side that shows no floor; `unused` is why it cannot be used."""
+    nothing = np.zeros((cells, cells), np.bool_)
+    room_ids = nothing.astype(np.int32)
+    return PriorPlan(name=name, free=nothing, room_ids=room_ids, resolution=resolution, unused=unused)
+
+
+@checks_arguments
 def prior_of_rooms(
     rooms: Sequence[Polygon], *, name: str = "rooms", hints: PriorHints | None = None, metric: bool = False
 ) -> PriorPlan:

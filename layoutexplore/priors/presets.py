@@ -17,7 +17,7 @@ from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import find_plans, load_plan, plan_names, source_files
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
-from layoutexplore.priors.plan import PriorPlan, with_doors_to_all, with_expected_scale
+from layoutexplore.priors.plan import PriorPlan, plan_of_nothing, with_doors_to_all, with_expected_scale
 from layoutexplore.priors.reading import prior_of_picture
 from layoutexplore.priors.spoiling import SpoilConfig, SpoiledPlan, spoil
 
@@ -83,10 +83,7 @@ def study_prior(kind: str, plan: FloorPlan, seed: int, *, among: str = "") -> St
         raise unknown_name("prior plan", kind, PRESETS)
     rng = np.random.default_rng([seed, int(plan.content_hash[:8], 16), sorted(PRESETS).index(kind)])
     if kind == "empty":
-        nothing = np.zeros((100, 100), np.bool_)
-        return StudyPrior(
-            PriorPlan(name="empty", free=nothing, room_ids=nothing.astype(np.int32), resolution=0.1)
-        )
+        return StudyPrior(plan_of_nothing("empty", cells=100, resolution=0.1))
     shown = plan if kind not in OF_OTHERS else _other(kind, plan, rng, among)
     spoiled = spoil(shown, PRESETS[kind], rng)
     made = _from_picture(spoiled, rng) if kind == "rough" else _unscaled(kind, spoiled, rng)
@@ -127,16 +124,7 @@ def _from_picture(spoiled: SpoiledPlan, rng: np.random.Generator) -> StudyPrior:
     try:
         read = prior_of_picture(image, name="rough")
     except MapError as error:
-        nothing = np.zeros((1, 1), np.bool_)
-        return StudyPrior(
-            PriorPlan(
-                name="rough",
-                free=nothing,
-                room_ids=nothing.astype(np.int32),
-                resolution=1.0,
-                unused=f"its picture cannot be read: {error}",
-            )
-        )
+        return StudyPrior(plan_of_nothing("rough", f"its picture cannot be read: {error}"))
     height = max(1, round(spoiled.free.shape[0] * style.pixels_per_metre * spoiled.resolution))
     left, bottom = read.corner
 

@@ -28,6 +28,7 @@ from layoutexplore.priors.plan import (
     PriorHints,
     PriorPlan,
     expected_scale,
+    plan_of_nothing,
     prior_of_plan,
     with_doors_to_all,
 )
@@ -129,11 +130,7 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
         )
     told = hints.scale and hints.scale * shrink
     if told and (reason := _hopeless(*(np.ptp(dark, axis=0) + 1.0) * told)):
-        nothing = np.zeros((1, 1), np.bool_)
-        unused = PriorPlan(
-            name=name, free=nothing, room_ids=nothing.astype(np.int32), resolution=1.0, unused=reason
-        )
-        return ReadPicture(unused, 1.0 / shrink, (0.0, float(image.shape[0])))
+        return ReadPicture(plan_of_nothing(name, reason), 1.0 / shrink, (0.0, float(image.shape[0])))
     pixel = told or LONGER_SIDE / max(float(np.ptp(dark, axis=0).max()), 1.0)
     # Thin walls of a plan that is larger than it was taken for would be erased as thin strokes.
     config = BlueprintConfig() if told else BlueprintConfig(wall_width=0.0)

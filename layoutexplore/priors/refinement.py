@@ -26,6 +26,9 @@ WALL_STD, OUTLIERS = 0.25, 0.08
 FLOOR_REACH, FLOOR_COST = 0.35, 1.6
 """Seen floor less than so many metres from the plan's walls is doubtful; in the solid it costs so much."""
 
+AGREES = 0.35
+"""Metres by which a plan may miss what is seen and still agree with it."""
+
 SILENT, SILENT_SHARE = 1.0, 0.6
 """So many metres inside of the solid a plan is silent rather than wrong: seen floor costs this share."""
 
@@ -55,9 +58,9 @@ class Fit(NamedTuple):
 
     Attributes:
         score: Log-likelihood, of points as if they were independent; 0 at best.
-        walls: Share of seen walls within 0.35 m of the plan's.
+        walls: Share of seen walls within `AGREES` of the plan's.
         floor: Share of seen floor that the plan shows as floor.
-        outside: Share of seen floor that lies in the plan's solid by more than 0.35 m.
+        outside: Share of seen floor that lies in the plan's solid by more than that.
     """
 
     score: float
@@ -219,7 +222,7 @@ def _fit(walls: Floats, floor: Floats, plan: _Plan, unit: float) -> tuple[float,
         value, _, _ = sample_field(plan.to_walls, walls[n, 0], walls[n, 1], plan.cell, plan.low)
         value *= unit
         score += np.log((1 - OUTLIERS) * np.exp(-0.5 * (value / WALL_STD) ** 2) + OUTLIERS)
-        good += value <= 0.35
+        good += value <= AGREES
     for n in range(len(floor)):
         value, _, _ = sample_field(plan.depth, floor[n, 0], floor[n, 1], plan.cell, plan.low)
         value *= unit
@@ -228,5 +231,5 @@ def _fit(walls: Floats, floor: Floats, plan: _Plan, unit: float) -> tuple[float,
         cost = min(max((FLOOR_REACH - value) / FLOOR_REACH, 0.0), 1.0)
         score -= FLOOR_WEIGHT * FLOOR_COST * (cost if value > -SILENT else SILENT_SHARE)
         shown += value >= 0.0
-        solid += value < -0.35
+        solid += value < -AGREES
     return (score, good / max(len(walls), 1), shown / max(len(floor), 1), solid / max(len(floor), 1))

@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -187,13 +188,13 @@ def _distinct(
 
 def _spread(pairs: Iterable[tuple[Row, DecisiveDecision]], count: int) -> list[tuple[Row, DecisiveDecision]]:
     """The first pairs of each run, then the second ones, and so on."""
-    ranked: dict[tuple[Any, ...], int] = {}
-    rest = []
-    for k, (row, decision) in enumerate(pairs):
-        turn = ranked[row.key] = ranked.get(row.key, 0) + 1
-        rest.append((turn, k, row, decision))
-    rest.sort(key=lambda entry: entry[:2])
-    return [(row, decision) for _, _, row, decision in rest[:count]]
+    turns: Counter[tuple[Any, ...]] = Counter()
+    ranked = []
+    for row, decision in pairs:
+        turns[row.key] += 1
+        ranked.append((turns[row.key], (row, decision)))
+    ranked.sort(key=lambda entry: entry[0])
+    return [pair for _, pair in ranked[:count]]
 
 
 def stop_plot(stops: Sequence[EarlyStop], looks: Mapping[str, Look]) -> StopPlot:

@@ -18,6 +18,7 @@ Rules that everything with walls shares (the lidar, the map update and the robot
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import weakref
 from dataclasses import dataclass
@@ -124,15 +125,7 @@ def around(config: LidarConfig) -> LidarConfig:
     if config.full_turn:
         return config
     beams = max(1, round(2 * math.pi / config.angle_increment))
-    return LidarConfig(
-        name=config.name,
-        range_max=config.range_max,
-        fov=2 * math.pi,
-        beams=beams,
-        angle_offset=config.angle_offset,
-        range_noise_std=config.range_noise_std,
-        dropout=config.dropout,
-    )
+    return dataclasses.replace(config, fov=2 * math.pi, beams=beams)
 
 
 SENSORS: dict[str, LidarConfig] = {

@@ -222,16 +222,15 @@ class Mapper:
             cells: int (n, 2) as (row, col); those outside of the grid are ignored.
         """
         rc = np.asarray(cells, np.int64).reshape(-1, 2)
-        rows, cols = self.grid.cells.shape
-        rc = rc[(rc[:, 0] >= 0) & (rc[:, 0] < rows) & (rc[:, 1] >= 0) & (rc[:, 1] < cols)]
-        flat = np.unique(rc[:, 0] * cols + rc[:, 1])
-        row, col = np.divmod(flat, cols)
+        inside = ((rc >= 0) & (rc < self.grid.shape)).all(axis=1)
+        row, col = np.unique(rc[inside], axis=0).T
         if self._evidence is not None:
             self._evidence.log_odds[row, col] = self._rule.most
         before = self.grid.cells[row, col]
-        row, col, before = row[before != OCCUPIED], col[before != OCCUPIED], before[before != OCCUPIED]
-        if row.size == 0:
+        changes = before != OCCUPIED
+        if not changes.any():
             return ScanUpdate(0, 0, (0, 0, 0, 0))
+        row, col, before = row[changes], col[changes], before[changes]
         self.grid.cells[row, col] = OCCUPIED
         box = (int(row.min()), int(row.max()) + 1, int(col.min()), int(col.max()) + 1)
         new = int(np.count_nonzero(before == UNKNOWN))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import gymnasium
@@ -136,9 +137,7 @@ def _rates(
         makers["SyncVectorEnv"] = lambda: SyncVectorEnv(singles, autoreset_mode=mode)
         makers["AsyncVectorEnv"] = lambda: AsyncVectorEnv(singles, autoreset_mode=mode, context="spawn")
     for label, backend in own.items():
-        makers[label] = lambda given=backend: gymnasium.make_vec(  # type: ignore[misc]
-            _ID, num_envs=_ENVIRONMENTS, **options, **given
-        )
+        makers[label] = partial(gymnasium.make_vec, _ID, num_envs=_ENVIRONMENTS, **options, **backend)
     envs: dict[str, VectorEnv[Any, Any, Any]] = {}
     try:
         for label, make in makers.items():

@@ -138,8 +138,7 @@ def fit(samples: Iterable[ClosedDoorSamples], *, trees: int = 150) -> Models:
     """Train both forests on the samples of several maps; `trees` is the number of trees for rectangles."""
     parts = list(samples)
     edges, is_door, boxes, agreement, weight = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("edges", "is_door", "boxes", "agreement", "weight")
+        np.concatenate([getattr(part, name) for part in parts]) for name in _SAMPLES
     )
     rooms = replace(ROOM_BOOSTING, trees=trees)
     return Models(fit_forest(edges, is_door, DOOR_BOOSTING), fit_forest(boxes, agreement, rooms, weight))
@@ -269,8 +268,9 @@ _SAMPLES = {
     "is_door": ArrayRule(kinds="biuf", shape=("edges",), low=0, high=1),
     "boxes": ArrayRule(shape=("boxes", len(FEATURES)), finite=False),
     "agreement": ArrayRule(shape=("boxes",), low=0, high=1),
+    "weight": ArrayRule(shape=("boxes",), low=0, high=1),
 }
-"""What is kept of a map."""
+"""What is kept of a map: all of `ClosedDoorSamples`."""
 
 
 def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples | None:
@@ -278,8 +278,7 @@ def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples |
     kept = cache / f"{safe_name(source.name)}-{_digest_of(source)}.npz" if cache else None
     if kept is not None and kept.exists():
         try:
-            names = ClosedDoorSamples.__dataclass_fields__
-            return ClosedDoorSamples(**read_arrays(kept, *names, rules=_SAMPLES))
+            return ClosedDoorSamples(**read_arrays(kept, *_SAMPLES, rules=_SAMPLES))
         except ResultsError as error:
             warnings.warn(f"{error}; it is made anew", stacklevel=2)
     rng = np.random.default_rng([*source.name.encode()])
@@ -288,7 +287,7 @@ def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples |
         return None
     samples = collect(*maps, RESOLUTION, rng)
     if kept is not None:
-        write_arrays(kept, {name: getattr(samples, name) for name in ClosedDoorSamples.__dataclass_fields__})
+        write_arrays(kept, {name: getattr(samples, name) for name in _SAMPLES})
     return samples
 
 

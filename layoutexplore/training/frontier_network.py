@@ -72,10 +72,8 @@ class TrainableFrontierNetwork(nn.Module):
             }
         )
         half, fourth, eighth = WIDTHS
-        self.draw_fourth, self.draw_half = (
-            Convolution(eighth + fourth, fourth, 3, 1),
-            Convolution(fourth + half, DRAWN, 3, 1),
-        )
+        self.draw_fourth = Convolution(eighth + fourth, fourth, 3, 1)
+        self.draw_half = Convolution(fourth + half, DRAWN, 3, 1)
         self.draw = nn.ConvTranspose2d(DRAWN, KNOWN, 2, 2)
 
     def forward(self, values: torch.Tensor) -> torch.Tensor:
@@ -149,11 +147,9 @@ class CropPool:
 
     def draw(self, count: int, rng: np.random.Generator) -> Iterator[_Drawn]:
         """One sample, so many times."""
-        drawn = (
-            np.searchsorted(self._rising, rng.random(count) * self._rising[-1], side="right")
-            if count
-            else np.zeros(0, int)
-        )
+        if not count:
+            return
+        drawn = np.searchsorted(self._rising, rng.random(count) * self._rising[-1], side="right")
         chosen = np.minimum(drawn, self.size - 1)
         which = np.searchsorted(self._first, chosen, side="right") - 1
         for k, row in zip(which.tolist(), (chosen - self._first[which]).tolist(), strict=True):
@@ -231,11 +227,8 @@ def quantised_weights(network: TrainableFrontierNetwork, crops: Bytes) -> dict[s
         network: What has been learnt.
         crops: uint8 (n, SIDE, SIDE, PLANES), of which some tell how large the numbers between layers get.
     """
-    weights, out, unit = (
-        plain_weights(dict(network.layers.items())),
-        dict[str, NDArray[np.generic]](),
-        1.0 / 255.0,
-    )
+    weights, unit = plain_weights(dict(network.layers.items())), 1.0 / 255.0
+    out: dict[str, NDArray[np.generic]] = {}
     with torch.no_grad():
         between = network.hidden(_shares(crops))
     for name in LAYERS:

@@ -117,11 +117,11 @@ def _key(plan: FloorPlan, simulation: Simulation, seed: int, agent: str, coverag
 def _save(path: Path, found: Sequence[tuple[float, Decision]]) -> None:
     arrays: dict[str, NDArray[np.generic]] = {"coverages": np.array([share for share, _ in found])}
     for k, (_, decision) in enumerate(found):
-        frontiers = decision.frontiers
+        frontiers, clusters = decision.frontiers, decision.clusters
         arrays[f"cells{k}"] = decision.grid.cells
         arrays[f"pose{k}"] = np.array(decision.pose)
-        arrays[f"members{k}"] = np.concatenate([f.cells for f in frontiers])
-        arrays[f"lengths{k}"] = np.array([len(f.cells) for f in frontiers])
+        arrays[f"members{k}"] = clusters.cells
+        arrays[f"lengths{k}"] = np.diff(clusters.offsets)
         arrays[f"numbers{k}"] = np.array([(*f.viewpoint, f.path_length, f.visible_area) for f in frontiers])
     write_arrays(path, arrays)
 

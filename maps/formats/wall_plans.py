@@ -64,23 +64,21 @@ def plan_from_walls(
     """
     check_plan(name, [area for _, area in places], doors)
     check_outlines(name, [floor, walls, *doors])
-    leaves = shapely.union_all([door.buffer(DOOR_DEPTH, cap_style="square") for door in doors])
-    pieces = polygons_of(shapely.make_valid(floor.difference(walls).difference(leaves)))
+    leaves = [door.buffer(DOOR_DEPTH, cap_style="square") for door in doors]
+    pieces = polygons_of(shapely.make_valid(floor.difference(walls).difference(shapely.union_all(leaves))))
     rooms = [piece for piece in pieces if piece.area >= LEAST_ROOM]
     if not rooms:
         raise MapError(f"{name}: the walls leave no piece of {LEAST_ROOM:g} m2 for a room")
     tree = shapely.STRtree(rooms)
     joined = [_sides(tree, door) for door in doors]
-    kept = [(line, pair) for line, pair in zip(doors, joined, strict=True) if pair[0] != pair[1]]
-    if lost := len(doors) - len(kept):
+    # The places of doors that are left out are floor like that around them.
+    gaps = [leaf for leaf, (a, b) in zip(leaves, joined, strict=True) if a == b]
+    if gaps:
         warnings.warn(
-            f"{name}: {lost} of {len(doors)} doors join no two rooms and are left out",
+            f"{name}: {len(gaps)} of {len(doors)} doors join no two rooms and are left out",
             MapWarning,
             stacklevel=2,
         )
-    # The places of doors that are left out are floor like that around them.
-    dropped = [line for line, pair in zip(doors, joined, strict=True) if pair[0] == pair[1]]
-    gaps = [line.buffer(DOOR_DEPTH, cap_style="square") for line in dropped]
     loose = shapely.union_all([*(p for p in pieces if p.area < LEAST_ROOM), *gaps]).difference(walls)
     areas = shapely.STRtree([area for _, area in places])
     found = tuple(
@@ -92,7 +90,7 @@ def plan_from_walls(
             name=name,
             building=building,
             rooms=found,
-            doors=tuple(_door(line, pair) for line, pair in kept),
+            doors=tuple(_door(line, (a, b)) for line, (a, b) in zip(doors, joined, strict=True) if a != b),
             walls=walls,
             passages=shapely.union_all(polygons_of(loose)),
             metadata=metadata or {},

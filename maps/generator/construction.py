@@ -67,10 +67,7 @@ def build_rooms(
     number = {key: k + 1 for k, key in enumerate(sorted(net))}
     rooms = [Room(id=number[key], polygon=net[key], label=graph.labels[key]) for key in sorted(net)]
     number[0] = 0
-    doors = [
-        Door(start=d.start, end=d.end, rooms=(number[d.rooms[0]], number[d.rooms[1]]), is_open=d.is_open)
-        for d in doors
-    ]
+    doors = [replace(door, rooms=(number[door.rooms[0]], number[door.rooms[1]])) for door in doors]
     ids = [room.id for room in rooms]
     parts = door_components(ids, doors, np.zeros(len(doors), np.bool_))
     if parts.max(initial=0) > 0:

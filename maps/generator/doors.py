@@ -12,12 +12,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.grids.arrays import Floats, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Ints, Mask
+from layoutexplore.grids.components import components
 from layoutexplore.maps.floorplan import Door
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.space_graph import (
@@ -173,17 +172,16 @@ def _on_run(
     return None
 
 
-def door_components(rooms: Sequence[int], doors: Sequence[Door], shut: Mask) -> Ints32:
-    """Component number int32 (n,) of every room when only the doors that are not shut connect."""
+def door_components(rooms: Sequence[int], doors: Sequence[Door], shut: Mask) -> Ints:
+    """Component number int64 (n,) of every room when only the doors that are not shut connect."""
     index = {room: k for k, room in enumerate(rooms)}
     pairs = [
         (index[d.rooms[0]], index[d.rooms[1]])
         for d, s in zip(doors, shut, strict=True)
         if d.rooms[0] != OUTSIDE and not s
     ]
-    edges = np.array(pairs, np.int64).reshape(-1, 2)
-    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(len(rooms), len(rooms)))
-    return np.asarray(connected_components(graph, directed=False)[1], np.int32)
+    first, second = np.array(pairs, np.int64).reshape(-1, 2).T
+    return components(first, second, len(rooms))
 
 
 def choose_closed(

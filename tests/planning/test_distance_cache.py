@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from layoutexplore.errors import ConfigError
 from layoutexplore.planning.canonical_search import DIAGONAL, STRAIGHT
-from layoutexplore.planning.distance_cache import DistanceCache, nearest_change, next_source
+from layoutexplore.planning.distance_cache import DistanceCache, nearest_change
+from layoutexplore.planning.known_lengths import next_source
 from layoutexplore.planning.shortest_paths import distance_matrix
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 from tests.envs.cases import rooms
@@ -52,7 +53,7 @@ def test_thenearest_change_is_as_far_as_the_straight_way(seed: int) -> None:
 
 @given(seed=st.integers(0, 100_000))
 @settings(max_examples=80, deadline=None)
-def test_thenext_source_knows_least_and_lies_farthest(seed: int) -> None:
+def test_the_next_source_knows_least_and_lies_farthest(seed: int) -> None:
     rng = np.random.default_rng(seed)
     count = int(rng.integers(1, 9))
     units = rng.integers(0, 5, (count, count))

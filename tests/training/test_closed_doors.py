@@ -12,6 +12,7 @@ from layoutexplore.cli import app
 from layoutexplore.closed_doors import predict_closed_rooms
 from layoutexplore.closed_doors.features import FEATURES
 from layoutexplore.evaluation.closed_doors import score_prediction
+from layoutexplore.files import write_arrays
 from layoutexplore.grids.grid import FREE, OccupancyGrid
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.geojson import save_plan
@@ -48,6 +49,19 @@ def test_samples_are_kept(closed_door_maps: Path, tmp_path: Path) -> None:
     (kept,) = (tmp_path / "cache").iterdir()
     assert kept.name.startswith("office_2_doors-") and kept.suffix == ".npz"
     assert {building_of(name, "closed doors") for name in ("battle_2", "battle_1", "battle2")} == {"battle"}
+
+
+def test_kept_samples_that_do_not_fit_each_other_are_made_anew(
+    closed_door_maps: Path, tmp_path: Path
+) -> None:
+    source = find_sources(closed_door_maps, [])[0]
+    first = samples_of(source, tmp_path / "cache")
+    assert first is not None and len(first.weight)
+    (kept,) = (tmp_path / "cache").iterdir()
+    write_arrays(kept, {**vars(first), "weight": first.weight[:-1]})
+    with pytest.warns(UserWarning, match="made anew"):
+        again = samples_of(source, tmp_path / "cache")
+    assert again is not None and np.array_equal(again.weight, first.weight)
 
 
 def test_samples_of_plans_of_one_name_are_told_apart(tmp_path: Path) -> None:

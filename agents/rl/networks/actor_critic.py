@@ -44,9 +44,8 @@ class Actor(nn.Module):
         self.tour_weight = nn.Parameter(torch.tensor(float(config.tour_weight)))
         self.stop = _zero(nn.Linear(config.width if encodes else 1, 1))
         self._rank = spec.rank_column
-        first = "path_length" if self._rank is None else "detour"
         with torch.no_grad():
-            self.direct.weight[0, features.index(first)] = -config.detour_weight
+            self.direct.weight[0, features.index(spec.cost_feature)] = -config.detour_weight
 
     def forward(self, observation: Mapping[str, Tensor]) -> Tensor:
         """float32 (batch, slots + 1): logits; those of empty slots mean nothing."""

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.agents.rl.pooled import FEW
 from layoutexplore.envs.egocentric_maps import CHANNELS, LAYOUT_CHANNELS
-from layoutexplore.envs.observation import FRONTIER_FEATURES, ROBOT_FEATURES
+from layoutexplore.envs.observation import FRONTIER_FEATURES
 
 
 class FrontierBatch(NamedTuple):
@@ -75,7 +75,7 @@ class Reader(nn.Module):
     def __init__(self, spec: PolicySpec) -> None:
         super().__init__()
         self._columns = spec.frontier_columns
-        self._robot = [list(ROBOT_FEATURES).index(name) for name in spec.robot_features]
+        self._robot = spec.robot_columns
         self._rank = spec.rank_column
         channels = CHANNELS + LAYOUT_CHANNELS
         self._channels = [channels.index(name) for name in spec.map_channels]

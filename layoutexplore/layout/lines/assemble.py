@@ -251,11 +251,7 @@ def place_walls(
     angle = angles_to_world(aligned.directions, origin)
     line = np.zeros(len(walls), np.int64)
     line[walls.group] = lines.group
-    c, s = np.cos(aligned.directions)[walls.direction], np.sin(aligned.directions)[walls.direction]
-    ends = [
-        to_world(np.stack((at * c - walls.offset * s, at * s + walls.offset * c), axis=1), origin).tolist()
-        for at in (walls.start, walls.end)
-    ]
+    ends = [to_world(points, origin).tolist() for points in walls.ends(aligned.directions)]
     order = np.argsort(walls.group, kind="stable").astype(np.int32)
     begin = [0, *np.cumsum(np.bincount(walls.group, minlength=len(walls))).tolist()]
     members = [order[i:j] for i, j in pairwise(begin)]

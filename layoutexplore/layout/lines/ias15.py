@@ -45,6 +45,9 @@ from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout, empty_layout, has_free_space
 from layoutexplore.options import Rule, check
 
+STILL = 1e-5
+"""Radians: the mean shift ends where no mode moves farther."""
+
 MOST_ANGLES = 1500
 """The mean shift looks at so many different angles at most; where there are more, they are rounded."""
 
@@ -151,16 +154,13 @@ def _wall_model(
         )
 
 
-def mean_shift_directions(
-    angles: Floats, bandwidth: float, merge_angle: float, *, tolerance: float = 1e-5
-) -> tuple[Floats, Ints]:
+def mean_shift_directions(angles: Floats, bandwidth: float, merge_angle: float) -> tuple[Floats, Ints]:
     """Modes of undirected angles by mean shift with the kernel (1 - u)^2, u = (1 - cos d) / bandwidth.
 
     Args:
         angles: float64 (n,), radians in [0, pi).
         bandwidth: h.
         merge_angle: Modes closer than this, in radians, become one.
-        tolerance: Largest move at which the iteration stops.
 
     Returns:
         The modes float64 (k,), rising, and the mode of each angle int64 (n,).
@@ -179,7 +179,7 @@ def mean_shift_directions(
         weight = counts * np.maximum(1 - (1 - np.cos(difference)) / bandwidth, 0.0) ** 2
         move = (weight * difference).sum(axis=1) / weight.sum(axis=1)
         modes = np.mod(modes + move, np.pi)
-        if np.abs(move).max() <= tolerance:
+        if np.abs(move).max() <= STILL:
             break
     near = np.argwhere(np.triu(angle_between(modes[:, None], modes[None, :]) < merge_angle, 1))
     group = components(near[:, 0], near[:, 1], len(modes))

@@ -40,6 +40,15 @@ class WallGroups:
     def __len__(self) -> int:
         return len(self.direction)
 
+    def ends(self, directions: Floats) -> tuple[Floats, Floats]:
+        """Both ends float64 (m, 2) of every group, in metres, by the directions float64 (k,) in radians."""
+        c, s = np.cos(directions)[self.direction], np.sin(directions)[self.direction]
+        start, end = (
+            np.stack((at * c - self.offset * s, at * s + self.offset * c), axis=1)
+            for at in (self.start, self.end)
+        )
+        return start, end
+
 
 def find_walls(segments: AlignedSegments, gap: float) -> WallGroups:
     """Chains of segments of one direction, each within `gap` metres of the next (DBSCAN of one point)."""

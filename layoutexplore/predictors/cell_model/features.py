@@ -205,10 +205,9 @@ def _grown_boxes(candidates: CandidateCells, inside: Mask) -> Floats:
     """
     grown = _grow_boxes(candidates.boxes, candidates.region[inside], candidates.cells[inside])
     boxes = grown[candidates.region]
-    low, high = boxes[:, 1:3], boxes[:, 3:5]
-    beyond = np.maximum(np.maximum(low - candidates.cells, candidates.cells - high + 1), 0)
+    sides, beyond = boxes[:, 3:5] - boxes[:, 1:3], _outside(boxes, candidates.cells)
     first = _first_axis(candidates)[:, None]
-    pairs = [np.take_along_axis(part, np.hstack([first, 1 - first]), 1) for part in (high - low, beyond)]
+    pairs = [np.take_along_axis(part, np.hstack([first, 1 - first]), 1) for part in (sides, beyond)]
     return np.hstack(pairs).astype(np.float64)
 
 
@@ -226,10 +225,14 @@ def _grow_boxes(boxes: Ints, region: Ints32, cells: Ints32) -> Ints:
 def _first_axis(candidates: CandidateCells) -> Ints:
     """0 where a candidate lies further outside of its region's box along the rows, 1 along the columns."""
     box = candidates.boxes[candidates.region]
-    over = np.maximum(np.maximum(box[:, 1:3] - candidates.cells, candidates.cells - box[:, 3:5] + 1), 0)
-    sides = box[:, 3:5] - box[:, 1:3]
+    over, sides = _outside(box, candidates.cells), box[:, 3:5] - box[:, 1:3]
     rows = (over[:, 0] > over[:, 1]) | ((over[:, 0] == over[:, 1]) & (sides[:, 0] >= sides[:, 1]))
     return np.where(rows, 0, 1)
+
+
+def _outside(boxes: Ints, cells: Ints32) -> Ints:
+    """Rows and columns int64 (n, 2) by which each cell lies outside of its box (n, 5), 0 inside."""
+    return np.asarray(np.maximum(np.maximum(boxes[:, 1:3] - cells, cells - boxes[:, 3:5] + 1), 0))
 
 
 def _typical_room(bit_map: BitMap, regions: Regions, resolution: float) -> tuple[float, float, float, float]:

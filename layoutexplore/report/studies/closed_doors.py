@@ -103,7 +103,7 @@ def write_closed_doors_report(
         out: The folder that holds NAME_k_doors_pred.png.
         triples: The maps.
         scores: Their scores, in the same order.
-        summary: What `summarise` made of them.
+        summary: What `summarise_closed_doors` made of them.
         command: Noted on the page.
         note: What the prediction was trained on.
 

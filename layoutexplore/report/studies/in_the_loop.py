@@ -85,8 +85,7 @@ def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
     unseen_wall = (cells == UNKNOWN) & truth.occupied & with_neighbours(truth.free)
     image[unseen_wall] = palette.mix(palette.CANVAS, palette.WALL, FAINT)
     image[cells == OCCUPIED] = palette.WALL
-    for frontier in snapshot.decision.frontiers:
-        image[frontier.cells[:, 0], frontier.cells[:, 1]] = palette.PURPLE
+    image[tuple(snapshot.decision.clusters.cells.T)] = palette.PURPLE
     part = image[window(cells != UNKNOWN, round(1.0 / snapshot.decision.grid.resolution))]
     scale = max(1, round(WIDTH / max(part.shape[:2])))
     large = cv2.resize(part, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)

@@ -119,8 +119,7 @@ def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> Bytes:
     ):
         image[mask] = colour
     image[cells == OCCUPIED] = palette.WALL
-    for frontier in snapshot.decision.frontiers:
-        image[frontier.cells[:, 0], frontier.cells[:, 1]] = palette.PURPLE
+    image[tuple(snapshot.decision.clusters.cells.T)] = palette.PURPLE
     scale = max(1, round(420 / max(image[part].shape[:2])))
     large, outline = (
         np.asarray(cv2.resize(a, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST), np.uint8)
@@ -140,7 +139,7 @@ def write_partial_rooms_report(
     Args:
         out: The folder; made when missing.
         scores: Every score.
-        summary: What `summarise` made of them.
+        summary: What `summarise_partial_rooms` made of them.
         gallery: The rooms to show.
         command: Noted on the page.
 

@@ -84,7 +84,7 @@ def write_segmentation_report(
 
     Args:
         out: The folder; made when missing.
-        results: What `evaluate_cases` or `cross_validate` yielded.
+        results: What `evaluate_cases` or `cross_validate_merging` yielded.
         title: Heading of the page.
         protocol: Named on the page.
         resolution: Metres a pixel where a map's folder does not say it.

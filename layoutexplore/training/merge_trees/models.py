@@ -127,7 +127,7 @@ def train_classifiers(
     weights: Mapping[str, float] | None = None,
     progress: Progress = silent,
 ) -> MergingModels:
-    """The classifiers that ship, of all given maps and simulated ones; `weights` as in `cross_validate`."""
+    """The classifiers that ship, of all given and simulated maps; `weights` as in `CrossValidationConfig`."""
     examples = training_examples(cases, resolution, progress)
     pairs = weathered_pairs(simulated, tuple(plans), progress=progress)
     polygonal = polygonal_examples(simulated // POLYGONAL, progress=progress)
