@@ -10,17 +10,20 @@ They do not import the program's main module: it may come from stdin, or lack a 
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 import signal
 import sys
-from collections.abc import Callable, Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import forkserver
 from typing import Any
 
 import numpy as np
 
+from layoutexplore.errors import WorkerError, cause
 from layoutexplore.processes import (
     deaf_children,
     end_with_parent,
@@ -30,6 +33,30 @@ from layoutexplore.processes import (
 )
 
 _WHERE_MODULES_ARE = ("PYTHONPATH", "PYTHONSAFEPATH")
+
+_PATIENCE, _ENDING = 0.2, 5.0
+"""Seconds until the processes of a pool are ended by force, and until what watches them is left alone."""
+
+_WITHOUT = 'one process needs none: --jobs 1, jobs=1, or backend="threads" of a vector environment'
+
+
+@contextlib.contextmanager
+def starting_workers() -> Iterator[None]:
+    """What keeps worker processes from being started inside the block is told as such.
+
+    Raises:
+        WorkerError: This is a process that must not start others, or the system refuses: without /dev/shm,
+            with too few open files or processes.
+    """
+    if multiprocessing.current_process().daemon:
+        raise WorkerError(f"daemonic processes (of a multiprocessing.Pool) cannot start others; {_WITHOUT}")
+    try:
+        yield
+    except (OSError, EOFError) as error:  # EOFError: the process that forks them could not, and has ended
+        raise WorkerError(
+            f"cannot start worker processes ({cause(error)}): they need room in /dev/shm, open files "
+            f"(ulimit -n) and processes (ulimit -u); {_WITHOUT}"
+        ) from error
 
 
 def start_pool(workers: int, begin: Callable[[], object]) -> ProcessPoolExecutor:
@@ -41,12 +68,17 @@ def start_pool(workers: int, begin: Callable[[], object]) -> ProcessPoolExecutor
 
     Raises:
         BrokenProcessPool: A process has died already.
+        WorkerError: None can be started here.
     """
-    with single_threaded(), deaf_children(), without_main():
+    with starting_workers(), single_threaded(), deaf_children(), without_main():
         context, given = worker_context(), dict(os.environ)
         pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(begin, given))
-        for _ in range(workers):  # A process is started when something is handed out and no other idles.
-            pool.submit(int)
+        try:
+            for _ in range(workers):  # A process is started when something is handed out and no other idles.
+                pool.submit(int)
+        except BaseException:
+            stop_pool(pool)
+            raise
     return pool
 
 
@@ -92,13 +124,22 @@ def begin_worker(environment: Mapping[str, str]) -> None:
 
 
 def stop_pool(pool: ProcessPoolExecutor) -> None:
-    """End a pool without waiting for tasks nobody asks for any more (the user pressed Ctrl-C)."""
+    """End a pool without waiting for tasks nobody asks for any more (the user pressed Ctrl-C).
+
+    Nothing of it is at work any more then: a thread that still were might hold a lock while a user's own
+    program is forked, whose child would wait for it for ever.
+    """
     processes = list((getattr(pool, "_processes", None) or {}).values())
+    manager = getattr(pool, "_executor_manager_thread", None)
     pool.shutdown(wait=False, cancel_futures=True)
+    end = time.monotonic() + _PATIENCE
     for process in processes:
-        process.join(timeout=0.2)
+        process.join(max(0.0, end - time.monotonic()))
+    for process in processes:
         if process.is_alive():
             process.terminate()
+    if manager is not None:
+        manager.join(_ENDING)
 
 
 def _begin(begin: Callable[[], object], environment: dict[str, str]) -> None:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
-from multiprocessing import forkserver
+import threading
+import types
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import forkserver, heap
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from layoutexplore.envs.vector import FrontierVectorEnv
+from layoutexplore.errors import WorkerError
 from layoutexplore.plugins.transport import worker_pool
-from layoutexplore.processes import single_threaded
-from layoutexplore.processes.pools import worker_context
+from layoutexplore.processes import descendants, single_threaded
+from layoutexplore.processes.pools import start_pool, worker_context
 
 PROGRAM = """
 import layoutexplore.grids.grid
@@ -96,3 +102,47 @@ def test_modules_are_loaded_beforehand_and_not_those_of_the_folder_one_is_in(tmp
     words = [sys.executable, str(tmp_path / "program.py")]
     told = subprocess.run(words, cwd=tmp_path / "here", capture_output=True, text=True, check=True)
     assert told.stdout.split() == ["True", np.__file__] and not told.stderr
+
+
+def test_nothing_of_a_pool_is_at_work_when_it_has_ended() -> None:
+    """A thread that still holds a lock while a program is forked would let its child wait for ever."""
+    before = threading.active_count()
+    for _ in range(3):
+        with worker_pool(2) as pool:
+            assert list(pool.map(abs, [-1, 2])) == [1, 2]
+        assert threading.active_count() == before
+
+
+def test_a_pool_that_cannot_be_started_says_why_and_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    with worker_pool(1):  # what forks workers, and the tracker of semaphores, stay
+        pass
+    below, submit, calls = descendants(os.getpid()), ProcessPoolExecutor.submit, []
+
+    def refuse(pool: ProcessPoolExecutor, *given: object) -> object:
+        calls.append(given)
+        if len(calls) == 2:
+            raise OSError(errno.EMFILE, "Too many open files")
+        return submit(pool, *given)
+
+    monkeypatch.setattr(ProcessPoolExecutor, "submit", refuse)
+    with pytest.raises(WorkerError, match=r"cannot start worker processes .*Too many open files.*--jobs 1"):
+        start_pool(2, int)
+    assert set(descendants(os.getpid())) <= set(below)
+
+
+def test_vector_environments_say_why_they_cannot_be_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a container without /dev/shm, and in a process that may not have children."""
+
+    def refuse(size: int) -> object:
+        raise FileNotFoundError(errno.ENOENT, "No such file or directory", "/dev/shm")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("multiprocessing.heap.Arena", refuse)
+        patch.setattr("multiprocessing.heap.BufferWrapper._heap", heap.Heap())
+        with pytest.raises(WorkerError, match=r"'/dev/shm'.*backend=.threads"):
+            FrontierVectorEnv(2, backend="processes", workers=2, plan="office-01")
+    monkeypatch.setattr("multiprocessing.current_process", lambda: types.SimpleNamespace(daemon=True))
+    with pytest.raises(WorkerError, match="daemonic"):
+        FrontierVectorEnv(2, backend="processes", workers=2, plan="office-01")
+    with pytest.raises(WorkerError, match="daemonic"):
+        start_pool(1, int)
