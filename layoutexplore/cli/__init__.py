@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import sys
 import warnings
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -70,7 +70,7 @@ def _one_line(
 def _without_folder() -> str:
     """What is said where the folder that this process is in has been removed."""
     with contextlib.suppress(OSError):
-        os.getcwd()
+        Path.cwd()
         return ""
     return ": the folder in which this command was given is no longer there: go into another"
 
