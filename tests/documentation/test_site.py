@@ -58,6 +58,9 @@ def test_a_broken_link_stops_the_build(tmp_path: Path, monkeypatch: pytest.Monke
 def test_a_full_disk_leaves_no_half_a_site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What is left would be taken for somebody else's files by the next build."""
     pytest.importorskip("mkdocs")
+    (tmp_path / "pages").mkdir()
+    (tmp_path / "pages" / "index.md").write_text("# Start")
+    monkeypatch.setattr(site, "PAGES", tmp_path / "pages")
     copy, out = shutil.copyfile, tmp_path / "site"
 
     def refuse(source: str, target: str, **options: bool) -> str:
