@@ -18,7 +18,6 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import forkserver
 from typing import Any
 
 import numpy as np
@@ -91,18 +90,19 @@ def worker_context() -> Any:
     """
     if not sys.platform.startswith("linux"):
         return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([name for name in sys.modules if name.startswith("layoutexplore.")])
+    from layoutexplore.processes.forking import SERVER, ForkedContext
+
+    SERVER.set_forkserver_preload([name for name in sys.modules if name.startswith("layoutexplore.")])
     # It looks for modules where this process does, and not in the folder in which it happens to be.
     before = {name: os.environ.get(name) for name in _WHERE_MODULES_ARE}
     os.environ.update(dict(zip(_WHERE_MODULES_ARE, (os.pathsep.join(sys.path), "1"), strict=True)))
     try:
-        forkserver.ensure_running()
+        SERVER.ensure_running()
     except OSError:  # no sockets in files here, or a temporary folder whose name is too long for one
         return multiprocessing.get_context("spawn")
     finally:
         restore_environment(before)
-    return context
+    return ForkedContext()
 
 
 def begin_worker(environment: Mapping[str, str]) -> None:

@@ -29,6 +29,20 @@ with worker_pool(1) as pool:
     print(*pool.submit(eval, f"({loaded}, __import__('numpy').__file__)").result())
 """
 
+OWN_FORKED = """
+import multiprocessing, os, signal
+def told():
+    names = "OMP_NUM_THREADS", "PYTHONSAFEPATH"
+    print({name: os.environ.get(name) for name in names}, signal.pthread_sigmask(signal.SIG_BLOCK, []))
+if __name__ == "__main__":
+    from layoutexplore.plugins.transport import worker_pool
+    with worker_pool(1) as pool:
+        pool.submit(int).result()
+    process = multiprocessing.get_context("forkserver").Process(target=told)
+    process.start()
+    process.join()
+"""
+
 CHANCE = """
 import layoutexplore.simulation.simulation
 from layoutexplore.plugins.transport import worker_pool
@@ -71,6 +85,15 @@ def test_workers_have_the_environment_and_the_folder_of_their_start(
         assert os.environ.get("PYTHONSAFEPATH") == before
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="workers are spawned elsewhere")
+def test_a_program_has_its_own_forked_processes_as_if_there_were_no_workers(tmp_path: Path) -> None:
+    (tmp_path / "program.py").write_text(OWN_FORKED)
+    words = [sys.executable, str(tmp_path / "program.py")]
+    told = subprocess.run(words, capture_output=True, text=True, check=True)
+    before = {name: os.environ.get(name) for name in ("OMP_NUM_THREADS", "PYTHONSAFEPATH")}
+    assert told.stdout == f"{before} set()\n" and not told.stderr
+
+
 def test_workers_draw_by_chance_of_their_own() -> None:
     """Own code may use the generators that numpy and Python share; those of one process were all alike."""
     told = subprocess.run([sys.executable, "-c", CHANCE], capture_output=True, text=True, check=True)
@@ -86,10 +109,10 @@ def test_workers_say_nothing_of_kernels() -> None:
 
 
 def test_workers_are_spawned_where_sockets_have_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse() -> None:
+    def refuse(server: forkserver.ForkServer) -> None:
         raise OSError("AF_UNIX path too long")
 
-    monkeypatch.setattr(forkserver, "ensure_running", refuse)
+    monkeypatch.setattr(forkserver.ForkServer, "ensure_running", refuse)
     with single_threaded():
         assert worker_context().get_start_method() == "spawn"
 
