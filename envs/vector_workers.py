@@ -27,9 +27,9 @@ from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.vector_buffers import Buffers, EnvironmentGroup
 from layoutexplore.errors import WorkerError
 from layoutexplore.plugins.tracebacks import own_frames, told
-from layoutexplore.plugins.transport import OwnCode, pack_own_code
+from layoutexplore.plugins.transport import OwnCode, pack_own_code, starting_workers
 from layoutexplore.processes import deaf_children, single_threaded, without_main
-from layoutexplore.processes.pools import begin_worker, starting_workers, worker_context
+from layoutexplore.processes.pools import begin_worker, worker_context
 
 Make = Callable[[], ExplorationEnv[Any]]
 

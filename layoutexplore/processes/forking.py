@@ -10,7 +10,7 @@ import types
 from multiprocessing import context, forkserver, popen_forkserver
 from typing import Any
 
-SERVER: Any = forkserver.ForkServer()  # type: ignore[attr-defined,unused-ignore]
+SERVER: Any = forkserver.ForkServer()
 """What is asked for workers."""
 
 
@@ -18,7 +18,7 @@ class _Started(popen_forkserver.Popen):
     """A process that `SERVER` has forked: begun as others are, where the global name of theirs means ours."""
 
     _launch = types.FunctionType(
-        popen_forkserver.Popen._launch.__code__,
+        vars(popen_forkserver.Popen)["_launch"].__code__,
         vars(popen_forkserver)
         | {
             "forkserver": types.SimpleNamespace(
@@ -31,7 +31,7 @@ class _Started(popen_forkserver.Popen):
 class ForkedProcess(context.ForkServerProcess):
     """A worker."""
 
-    _Popen = staticmethod(_Started)  # type: ignore[assignment]
+    _Popen = staticmethod(_Started)
 
 
 class ForkedContext(context.ForkServerContext):

@@ -10,19 +10,17 @@ They do not import the program's main module: it may come from stdin, or lack a 
 
 from __future__ import annotations
 
-import contextlib
 import multiprocessing
 import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
 
-from layoutexplore.errors import WorkerError, cause
 from layoutexplore.processes import (
     deaf_children,
     end_with_parent,
@@ -36,27 +34,6 @@ _WHERE_MODULES_ARE = ("PYTHONPATH", "PYTHONSAFEPATH")
 _PATIENCE, _ENDING = 0.2, 5.0
 """Seconds until the processes of a pool are ended by force, and until what watches them is left alone."""
 
-_WITHOUT = 'one process needs none: --jobs 1, jobs=1, or backend="threads" of a vector environment'
-
-
-@contextlib.contextmanager
-def starting_workers() -> Iterator[None]:
-    """What keeps worker processes from being started inside the block is told as such.
-
-    Raises:
-        WorkerError: This is a process that must not start others, or the system refuses: without /dev/shm,
-            with too few open files or processes.
-    """
-    if multiprocessing.current_process().daemon:
-        raise WorkerError(f"daemonic processes (of a multiprocessing.Pool) cannot start others; {_WITHOUT}")
-    try:
-        yield
-    except (OSError, EOFError) as error:  # EOFError: the process that forks them could not, and has ended
-        raise WorkerError(
-            f"cannot start worker processes ({cause(error)}): they need room in /dev/shm, open files "
-            f"(ulimit -n) and processes (ulimit -u); {_WITHOUT}"
-        ) from error
-
 
 def start_pool(workers: int, begin: Callable[[], object]) -> ProcessPoolExecutor:
     """A pool all of whose processes have been started.
@@ -67,9 +44,9 @@ def start_pool(workers: int, begin: Callable[[], object]) -> ProcessPoolExecutor
 
     Raises:
         BrokenProcessPool: A process has died already.
-        WorkerError: None can be started here.
+        OSError: None can be started here; so does EOFError.
     """
-    with starting_workers(), single_threaded(), deaf_children(), without_main():
+    with single_threaded(), deaf_children(), without_main():
         context, given = worker_context(), dict(os.environ)
         pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(begin, given))
         try:

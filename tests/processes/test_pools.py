@@ -15,11 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from layoutexplore.benchmark.pool import run_all
 from layoutexplore.envs.vector import FrontierVectorEnv
 from layoutexplore.errors import WorkerError
 from layoutexplore.plugins.transport import worker_pool
 from layoutexplore.processes import descendants, single_threaded
-from layoutexplore.processes.pools import start_pool, worker_context
+from layoutexplore.processes.pools import worker_context
 
 PROGRAM = """
 import layoutexplore.grids.grid
@@ -149,7 +150,7 @@ def test_a_pool_that_cannot_be_started_says_why_and_leaves_nothing(monkeypatch: 
 
     monkeypatch.setattr(ProcessPoolExecutor, "submit", refuse)
     with pytest.raises(WorkerError, match=r"cannot start worker processes .*Too many open files.*--jobs 1"):
-        start_pool(2, int)
+        next(run_all(abs, [1, 2], jobs=2, lost=abs))
     assert set(descendants(os.getpid())) <= set(below)
 
 
@@ -168,4 +169,4 @@ def test_vector_environments_say_why_they_cannot_be_started(monkeypatch: pytest.
     with pytest.raises(WorkerError, match="daemonic"):
         FrontierVectorEnv(2, backend="processes", workers=2, plan="office-01")
     with pytest.raises(WorkerError, match="daemonic"):
-        start_pool(1, int)
+        next(run_all(abs, [1, 2], jobs=2, lost=abs))
