@@ -27,7 +27,7 @@ from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.vector_buffers import Buffers, EnvironmentGroup
 from layoutexplore.errors import WorkerError
 from layoutexplore.plugins.tracebacks import own_frames, told
-from layoutexplore.plugins.transport import OwnCode, pack_own_code
+from layoutexplore.plugins.transport import OwnCode, pack_own_code, starting_workers
 from layoutexplore.processes import deaf_children, single_threaded, without_main
 from layoutexplore.processes.pools import begin_worker, worker_context
 
@@ -163,7 +163,24 @@ class ProcessWorkers:
     """
 
     def __init__(self, setup: WorkerSetup) -> None:
-        make, template, groups, autoreset, limit = setup
+        make, _, groups, autoreset, limit = setup
+        self.groups, self.ended = groups, False
+        self._processes: list[Any] = []
+        self._pipes: list[Connection] = []
+        self._waiting = [False] * len(groups)
+        made = partial(_make_with, pack_own_code(), make)
+        settings = cloudpickle.dumps((made, groups[-1][1], autoreset, limit))
+        try:
+            with starting_workers():
+                self._begin(setup.template, settings)
+            self._waiting = [True] * len(groups)
+            self.wait()
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin(self, template: ExplorationEnv[Any], settings: bytes) -> None:
+        """Make the shared memory, and start a worker for each group."""
         with single_threaded(), deaf_children():
             context = worker_context()
         blocks: list[Any] = []
@@ -172,32 +189,20 @@ class ProcessWorkers:
             blocks.append(context.RawArray(ctypes.c_uint8, max(1, int(np.prod(shape)) * dtype.itemsize)))
             return _array(blocks[-1], shape, dtype)
 
-        self.groups, self.ended = groups, False
-        self.buffers = Buffers.allocate(template, groups[-1][1], shared)
-        self._processes: list[Any] = []
-        self._pipes: list[Connection] = []
-        self._waiting = [False] * len(groups)
-        made = partial(_make_with, pack_own_code(), make)
-        settings = cloudpickle.dumps((made, groups[-1][1], autoreset, limit))
-        try:
-            with single_threaded(), without_main():
-                for k, group in enumerate(groups):
-                    here, there = context.Pipe()
-                    process = context.Process(
-                        target=_work,
-                        args=(there, settings, blocks, group, dict(os.environ)),
-                        daemon=True,
-                        name=f"layoutexplore-envs-{k}",
-                    )
-                    process.start()
-                    there.close()
-                    self._processes.append(process)
-                    self._pipes.append(here)
-            self._waiting = [True] * len(groups)
-            self.wait()
-        except BaseException:
-            self.close()
-            raise
+        self.buffers = Buffers.allocate(template, self.groups[-1][1], shared)
+        with single_threaded(), without_main():
+            for k, group in enumerate(self.groups):
+                here, there = context.Pipe()
+                process = context.Process(
+                    target=_work,
+                    args=(there, settings, blocks, group, dict(os.environ)),
+                    daemon=True,
+                    name=f"layoutexplore-envs-{k}",
+                )
+                process.start()
+                there.close()
+                self._processes.append(process)
+                self._pipes.append(here)
 
     def start(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> None:
         """Send a command; answers that were never collected (after Ctrl-C) are thrown away first."""

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+from layoutexplore.plugins.transport import starting_workers
 from layoutexplore.processes.pools import start_pool, stop_pool
 
 T = TypeVar("T")
@@ -126,7 +127,8 @@ def _run_pool(
 ) -> Generator[R, None, list[T]]:
     """Run what is handed out on one pool until all is done or a worker dies; returns what was in flight."""
     flying: dict[Future[Answer[R]], list[T]] = {}
-    pool = start_pool(workers, begin)
+    with starting_workers():
+        pool = start_pool(workers, begin)
     try:
         while handout or flying:
             while handout and len(flying) < ahead * workers:

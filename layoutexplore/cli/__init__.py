@@ -7,10 +7,12 @@ Nothing heavy is imported before a command runs, so that `--help` answers at onc
 
 from __future__ import annotations
 
+import contextlib
 import io
 import sys
 import warnings
 from importlib import import_module
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -65,6 +67,14 @@ def _one_line(
     return f"{filename}:{lineno}: {category.__name__}: {message}\n"
 
 
+def _without_folder() -> str:
+    """What is said where the folder that this process is in has been removed."""
+    with contextlib.suppress(OSError):
+        Path.cwd()
+        return ""
+    return ": the folder in which this command was given is no longer there: go into another"
+
+
 def main() -> None:
     """Run the command line; what goes wrong on purpose becomes one clear line and exit status 2."""
     warnings.formatwarning = _one_line
@@ -83,7 +93,7 @@ def main() -> None:
     except OSError as error:  # a full disk, a folder that is not ours
         name = str(error.filename or "")
         where = f"{shortened(name) if len(name) > 500 else name}: " if name else ""
-        print(f"layoutexplore: {where}{error.strerror or error}", file=sys.stderr)
+        print(f"layoutexplore: {where}{error.strerror or error}{_without_folder()}", file=sys.stderr)
         sys.exit(2)
     except Exception as error:  # in a user's own code: told without the frames around it
         from layoutexplore.plugins.tracebacks import own_frames, told

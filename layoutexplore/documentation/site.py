@@ -15,7 +15,7 @@ from typing import Any
 
 import layoutexplore
 from layoutexplore.documentation.reference import Command, command_page, module_pages
-from layoutexplore.errors import LayoutExploreError, ResultsError, require
+from layoutexplore.errors import LayoutExploreError, ResultsError, WriteError, cause, require
 
 PAGES = Path(__file__).resolve().parent / "pages"
 ORDER = (
@@ -45,6 +45,7 @@ def build_site(out: Path, command: Command, *, reference: bool = True) -> Path:
     Raises:
         LayoutExploreError: A page has a broken link, a name in it does not exist, MkDocs is missing, or the
             folder holds something else than a site of a former build.
+        WriteError: It cannot be written; then nothing is left there.
     """
     for module in ("mkdocs", "material", "mkdocstrings"):
         require(module, "docs")
@@ -54,7 +55,7 @@ def build_site(out: Path, command: Command, *, reference: bool = True) -> Path:
 
     with tempfile.TemporaryDirectory() as folder:
         pages, source = Path(folder) / "pages", Path(folder) / "source"
-        shutil.copytree(PAGES, pages)
+        _copy(PAGES, pages)
         commands = pages / "reference" / "commands.md"
         commands.parent.mkdir(exist_ok=True)
         commands.write_text(command_page(command), encoding="utf-8")
@@ -78,11 +79,28 @@ def build_site(out: Path, command: Command, *, reference: bool = True) -> Path:
             logging.getLogger("mkdocs").removeHandler(complaints)
         if complaints.lines:
             raise LayoutExploreError("the documentation has faults:\n" + "\n".join(complaints.lines))
-        if out.is_dir():
-            for old in out.iterdir():
-                shutil.rmtree(old) if old.is_dir() and not old.is_symlink() else old.unlink()
-        shutil.copytree(built, out, dirs_exist_ok=True)
+        _empty(out)
+        try:
+            _copy(built, out)
+        except WriteError:
+            _empty(out)  # half a site would be taken for other files
+            raise
     return out / "index.html"
+
+
+def _empty(folder: Path) -> None:
+    if folder.is_dir():
+        for old in folder.iterdir():
+            shutil.rmtree(old) if old.is_dir() and not old.is_symlink() else old.unlink()
+
+
+def _copy(source: Path, folder: Path) -> None:
+    try:
+        shutil.copytree(source, folder, dirs_exist_ok=True)
+    except OSError as error:
+        reasons = error.args[0]  # of shutil: (from, to, why) of every file
+        why = reasons[0][2] if isinstance(reasons, list) else cause(error)
+        raise WriteError(f"{folder}: cannot write the site: {why}") from error
 
 
 def _check_place(out: Path) -> None:

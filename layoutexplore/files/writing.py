@@ -164,8 +164,15 @@ def to_toml(table: Mapping[str, Any]) -> str:
 
 
 def _without_none(table: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        key: _without_none(value) if isinstance(value, Mapping) else value
-        for key, value in table.items()
-        if value is not None
-    }
+    return {_shown(key): _plain(value) for key, value in table.items() if value is not None}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return _without_none(value)
+    return [_plain(part) for part in value] if isinstance(value, list | tuple) else _shown(value)
+
+
+def _shown(value: Any) -> Any:
+    """Half a character, of a file's name that is no text, as Python shows it: no TOML may hold one."""
+    return value.encode(errors="backslashreplace").decode() if isinstance(value, str) else value

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import importlib
+import multiprocessing
 import pickle
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -13,7 +14,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from layoutexplore.errors import OwnCodeError, WorkerError
+from layoutexplore.errors import OwnCodeError, WorkerError, cause
 from layoutexplore.plugins.own_code import Pin, pinned, pins
 from layoutexplore.plugins.registry import Entry, Registry
 from layoutexplore.processes.pools import start_pool, stop_pool
@@ -69,6 +70,28 @@ def pack_own_code(*, registered: bool = True) -> OwnCode:
     return OwnCode(pins(), _pickled(entries) if entries else b"")
 
 
+_WITHOUT = 'one process needs none: --jobs 1, jobs=1, or backend="threads" of a vector environment'
+
+
+@contextlib.contextmanager
+def starting_workers() -> Iterator[None]:
+    """What keeps worker processes from being started inside the block is told as such.
+
+    Raises:
+        WorkerError: This is a process that must not start others, or the system refuses: without /dev/shm,
+            with too few open files or processes.
+    """
+    if multiprocessing.current_process().daemon:
+        raise WorkerError(f"daemonic processes (of a multiprocessing.Pool) cannot start others; {_WITHOUT}")
+    try:
+        yield
+    except (OSError, EOFError) as error:  # EOFError: the process that forks them could not, and has ended
+        raise WorkerError(
+            f"cannot start worker processes ({cause(error)}): they need room in /dev/shm, open files "
+            f"(ulimit -n) and processes (ulimit -u); {_WITHOUT}"
+        ) from error
+
+
 @contextlib.contextmanager
 def worker_pool(workers: int, begin: Callable[[], object] = int) -> Iterator[ProcessPoolExecutor]:
     """Worker processes that know the user's own code; they end with the block, whatever they are doing.
@@ -81,10 +104,11 @@ def worker_pool(workers: int, begin: Callable[[], object] = int) -> Iterator[Pro
 
     Raises:
         OwnCodeError: Something registered cannot travel.
-        WorkerError: A process died.
+        WorkerError: A process died, or none can be started here.
     """
     try:
-        pool = start_pool(workers, partial(_install, pack_own_code(), begin))
+        with starting_workers():
+            pool = start_pool(workers, partial(_install, pack_own_code(), begin))
         try:
             yield pool
         finally:

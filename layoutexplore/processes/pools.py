@@ -14,9 +14,9 @@ import multiprocessing
 import os
 import signal
 import sys
+import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import forkserver
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,9 @@ from layoutexplore.processes import (
 
 _WHERE_MODULES_ARE = ("PYTHONPATH", "PYTHONSAFEPATH")
 
+_PATIENCE, _ENDING = 0.2, 5.0
+"""Seconds until the processes of a pool are ended by force, and until what watches them is left alone."""
+
 
 def start_pool(workers: int, begin: Callable[[], object]) -> ProcessPoolExecutor:
     """A pool all of whose processes have been started.
@@ -41,12 +44,17 @@ def start_pool(workers: int, begin: Callable[[], object]) -> ProcessPoolExecutor
 
     Raises:
         BrokenProcessPool: A process has died already.
+        OSError: None can be started here; so does EOFError.
     """
     with single_threaded(), deaf_children(), without_main():
         context, given = worker_context(), dict(os.environ)
         pool = ProcessPoolExecutor(workers, context, initializer=_begin, initargs=(begin, given))
-        for _ in range(workers):  # A process is started when something is handed out and no other idles.
-            pool.submit(int)
+        try:
+            for _ in range(workers):  # A process is started when something is handed out and no other idles.
+                pool.submit(int)
+        except BaseException:
+            stop_pool(pool)
+            raise
     return pool
 
 
@@ -59,18 +67,19 @@ def worker_context() -> Any:
     """
     if not sys.platform.startswith("linux"):
         return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([name for name in sys.modules if name.startswith("layoutexplore.")])
+    from layoutexplore.processes.forking import SERVER, ForkedContext
+
+    SERVER.set_forkserver_preload([name for name in sys.modules if name.startswith("layoutexplore.")])
     # It looks for modules where this process does, and not in the folder in which it happens to be.
     before = {name: os.environ.get(name) for name in _WHERE_MODULES_ARE}
     os.environ.update(dict(zip(_WHERE_MODULES_ARE, (os.pathsep.join(sys.path), "1"), strict=True)))
     try:
-        forkserver.ensure_running()
+        SERVER.ensure_running()
     except OSError:  # no sockets in files here, or a temporary folder whose name is too long for one
         return multiprocessing.get_context("spawn")
     finally:
         restore_environment(before)
-    return context
+    return ForkedContext()
 
 
 def begin_worker(environment: Mapping[str, str]) -> None:
@@ -92,13 +101,22 @@ def begin_worker(environment: Mapping[str, str]) -> None:
 
 
 def stop_pool(pool: ProcessPoolExecutor) -> None:
-    """End a pool without waiting for tasks nobody asks for any more (the user pressed Ctrl-C)."""
+    """End a pool without waiting for tasks nobody asks for any more (the user pressed Ctrl-C).
+
+    Nothing of it is at work any more then: a thread that still were might hold a lock while a user's own
+    program is forked, whose child would wait for it for ever.
+    """
     processes = list((getattr(pool, "_processes", None) or {}).values())
+    manager = getattr(pool, "_executor_manager_thread", None)
     pool.shutdown(wait=False, cancel_futures=True)
+    end = time.monotonic() + _PATIENCE
     for process in processes:
-        process.join(timeout=0.2)
+        process.join(max(0.0, end - time.monotonic()))
+    for process in processes:
         if process.is_alive():
             process.terminate()
+    if manager is not None:
+        manager.join(_ENDING)
 
 
 def _begin(begin: Callable[[], object], environment: dict[str, str]) -> None:

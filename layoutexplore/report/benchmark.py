@@ -106,7 +106,8 @@ def _write_tables(path: Path, rows: Sequence[Row], comparisons: Sequence[Compari
         columns = {
             field.name: [getattr(row, field.name) for row in rows] for field in dataclasses.fields(Row)
         }
-        pd.DataFrame(columns).to_parquet(temporary, index=False)
+        with temporary.open("wb") as file:  # pyarrow opens no file whose name is no text
+            pd.DataFrame(columns).to_parquet(file, index=False)
     flat = [_flat(c) for c in comparisons]
     with atomic(path / "summary.csv") as temporary:
         pd.DataFrame(flat, columns=_SUMMARY).to_csv(temporary, index=False, float_format="%.6g")

@@ -15,6 +15,8 @@ from layoutexplore import cli
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.errors import ConfigError
 from layoutexplore.files import check_places
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.benchmark.cases import timeless
 from tests.cli.test_cli import run as run_cli
 
@@ -168,3 +170,27 @@ def test_documentation_is_not_built_into_a_file(
     (tmp_path / "file").write_text("mine")
     assert run_cli(monkeypatch, "docs", "--out", str(tmp_path / "file")) == 2
     assert "cannot name a folder" in capsys.readouterr().err
+
+
+def test_a_folder_whose_name_is_no_text_is_gone_on_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A name in Latin-1, or any umlaut in a process without UTF-8."""
+    plan, out = tmp_path / "closet.geojson", tmp_path / os.fsdecode(b"r\xe4um")
+    save_plan(floorplan_from_ascii("#####\n#...#\n#...#\n#####", 0.5, name="closet"), plan)
+    words = ("--plans", str(plan), "--starts", "1", "--agents", "nearest", "--jobs", "1", "--out", str(out))
+    for _ in range(2):
+        assert run_cli(monkeypatch, "benchmark", *words) == 0
+    assert r"r\udce4um" in ResultsFolder(out).manifest()["command"]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere a folder in use stays")
+def test_a_folder_that_is_gone_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """That in which the command is given: somebody else, or a script, has removed it."""
+    (tmp_path / "gone").mkdir()
+    monkeypatch.chdir(tmp_path / "gone")
+    (tmp_path / "gone").rmdir()
+    assert run_cli(monkeypatch, "benchmark", "--plans", "office-01", "--out", str(tmp_path / "b")) == 2
+    assert "is no longer there: go into another" in capsys.readouterr().err

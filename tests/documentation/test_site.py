@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from typer.testing import CliRunner
 from layoutexplore.cli import app
 from layoutexplore.documentation import site
 from layoutexplore.documentation.reference import command_page
-from layoutexplore.errors import LayoutExploreError
+from layoutexplore.errors import LayoutExploreError, WriteError
 
 
 def test_every_command_is_on_the_page_of_commands() -> None:
@@ -52,3 +53,22 @@ def test_a_broken_link_stops_the_build(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setattr(site, "PAGES", tmp_path / "pages")
     with pytest.raises(LayoutExploreError, match=r"nowhere\.md"):
         site.build_site(tmp_path / "site", typer.main.get_command(app), reference=False)
+
+
+def test_a_full_disk_leaves_no_half_a_site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is left would be taken for somebody else's files by the next build."""
+    pytest.importorskip("mkdocs")
+    (tmp_path / "pages").mkdir()
+    (tmp_path / "pages" / "index.md").write_text("# Start")
+    monkeypatch.setattr(site, "PAGES", tmp_path / "pages")
+    copy, out = shutil.copyfile, tmp_path / "site"
+
+    def refuse(source: str, target: str, **options: bool) -> str:
+        if Path(target).is_relative_to(out) and target.endswith(".js"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return str(copy(source, target, **options))
+
+    monkeypatch.setattr(shutil, "copyfile", refuse)
+    with pytest.raises(WriteError, match=r"site: cannot write the site: .*No space left on device$"):
+        site.build_site(out, typer.main.get_command(app), reference=False)
+    assert not list(out.iterdir())

@@ -93,6 +93,16 @@ def test_every_text_and_number_is_valid_toml(tmp_path: Path) -> None:
     assert math.isnan(read.pop("nan")) and read == table
 
 
+def test_names_of_files_that_are_no_text_are_valid_toml(tmp_path: Path) -> None:
+    """As a path with an umlaut is in a process without UTF-8."""
+    name = b"r\xe4um".decode(errors="surrogateescape")
+    write_atomically(tmp_path / "t.toml", to_toml({"commands": [f"benchmark {name}"], "plans": {name: name}}))
+    assert read_toml(tmp_path / "t.toml") == {
+        "commands": ["benchmark r\\udce4um"],
+        "plans": {"r\\udce4um": "r\\udce4um"},
+    }
+
+
 class Shy:
     """An object that is no plain value and cannot show itself."""
 
