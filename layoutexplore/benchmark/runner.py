@@ -290,8 +290,8 @@ def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: O
     repeat = "the same command"
     try:
         plan = cached_plan(task.plan.source)
-        settings, seed, start = _conditions(task, config)
-        repeat = _repeating(task, config, folder)
+        conditions = settings, seed, start = _conditions(task, config)
+        repeat = repeating_command(task.plan.source, task.agent, task.sensor, *conditions, folder.path)
         recorder, beliefs = Recorder(with_rooms=config.explain), BeliefNotes()
         with code.installed():
             simulation, agent = prepare(plan, settings, task.agent)
