@@ -15,7 +15,7 @@ from numba.core.dispatcher import Dispatcher
 
 from layoutexplore.processes.compilation import WAITING
 
-PATIENCE = 300.0
+PATIENCE = 60.0
 """Seconds after which a process no longer waits for one that may have been stopped, but compiles as well."""
 
 _FILE = "layoutexplore.lock"
