@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 
+import pytest
 from rich.console import Console
 
+from layoutexplore.cli import progress
 from layoutexplore.cli.progress import ProgressLine, plain_console
 
 
@@ -28,3 +30,26 @@ def test_names_that_look_like_markup_are_written_as_they_are() -> None:
             line.advance(2, 2, 1.0, odd)
         assert isinstance(console.file, io.StringIO)
         assert odd in console.file.getvalue()
+
+
+def test_the_time_left_goes_by_the_speed_of_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    console, now = Console(file=io.StringIO(), width=200), 0.0
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now)
+    with ProgressLine(console, "% seen") as line:
+        for now, done in ((300.0, 2), (320.0, 42), (340.0, 82)):  # five minutes of compilation before
+            line.advance(done, 100, done / 100)
+    assert isinstance(console.file, io.StringIO)
+    assert console.file.getvalue().splitlines() == [
+        "2 % seen, 5:00 elapsed",
+        "42 % seen, 5:20 elapsed, about 0:29 left",
+        "82 % seen, 5:40 elapsed, about 0:09 left",
+    ]
+
+
+def test_nothing_done_yet_and_begun_again() -> None:
+    console = Console(file=io.StringIO(), width=200)
+    with ProgressLine(console, "runs") as line:
+        for done in (0, 0, 1, 0, 2):
+            line.advance(done, 2, done / 2)
+    assert isinstance(console.file, io.StringIO)
+    assert console.file.getvalue().startswith("2/2 runs")
