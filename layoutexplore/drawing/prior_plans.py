@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from layoutexplore.drawing import palette
-from layoutexplore.drawing.dashboard import keys_width, put_keys, put_text, text_width
+from layoutexplore.drawing.dashboard import Keys, keys_width, put_keys, put_text, text_width
 from layoutexplore.drawing.palette import Image
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Bytes, Floats
@@ -22,12 +22,13 @@ CAPTION = 28
 GAP = 24
 """Space between two pictures side by side (on screen)."""
 
-_KEYS = (
-    (palette.PREDICTED, "floor of the plan"),
-    (palette.BLUE, "walls of the plan"),
-    (palette.VERMILLION, "seen otherwise"),
-)
-"""What the colours mean, where the picture is wide enough to say so."""
+_KEYS = {
+    Compared.FORESEEN_FLOOR: (palette.PREDICTED, "floor of the plan"),
+    Compared.FORESEEN_WALL: (palette.BLUE, "walls of the plan"),
+    Compared.OTHER_FLOOR: (palette.VERMILLION, "seen otherwise"),
+    Compared.OTHER_WALL: (palette.VERMILLION, "seen otherwise"),
+}
+"""What the colours mean; said of those that are there, where the picture is wide enough for it."""
 
 
 @checks_arguments
@@ -53,13 +54,13 @@ def draw_registered(
     check_kind("grid", grid, OccupancyGrid)
     check_kind("registration", registration, Registration)
     Rule(kind=int, low=1, high=64).convert("scale", scale)
-    image = draw_comparison(compared(grid, registration), confidence)
+    codes = compared(grid, registration)
+    image = draw_comparison(codes, confidence)
     large = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
     picture = np.asarray(large, np.uint8)
     _draw_way(picture, grid, track, scale)
-    return _captioned(
-        picture, f"confidence {confidence:.2f}" if registration.hypotheses else "no place found"
-    )
+    words = f"confidence {confidence:.2f}" if registration.hypotheses else "no place found"
+    return _captioned(picture, words, list(dict.fromkeys(_KEYS[k] for k in _KEYS if (codes == k).any())))
 
 
 @checks_arguments
@@ -99,7 +100,7 @@ def side_by_side(left: Image, right: Image) -> Image:
     return np.concatenate([fitted, gap, right], axis=1)
 
 
-def _captioned(picture: Image, words: str) -> Image:
+def _captioned(picture: Image, words: str, keys: Keys) -> Image:
     """The picture below a line of words and, where there is room, what its colours mean."""
     wide = picture.shape[1]
     bar = max(CAPTION, round(0.03 * wide))
@@ -107,8 +108,8 @@ def _captioned(picture: Image, words: str) -> Image:
     letters = 0.36 * bar
     put_text(framed, words, 6, (bar + letters) / 2, letters, palette.INK)
     left = 6 + text_width(words, letters) + 3 * letters
-    if left + keys_width(_KEYS, letters) <= wide:
-        put_keys(framed, _KEYS, left, bar // 2, letters)
+    if left + keys_width(keys, letters) <= wide:
+        put_keys(framed, keys, left, bar // 2, letters)
     return framed
 
 

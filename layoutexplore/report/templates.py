@@ -109,6 +109,18 @@ def interval(value: Interval | None) -> str:
     return f"{value.estimate:.2f} ({value.low:.2f}–{value.high:.2f})"
 
 
+def percents(value: Interval) -> str:
+    r"""A share with its interval, in percent.
+
+    Example:
+        >>> percents(Interval(0.214, 0.11, 0.39)), percents(Interval(0.2, float("nan"), float("nan")))
+        ('21\xa0% (11–39)', '20\xa0%')
+    """
+    if not math.isfinite(value.low):
+        return percent(value.estimate)
+    return f"{percent(value.estimate)} ({number(100 * value.low, 0)}–{number(100 * value.high, 0)})"
+
+
 def png_uri(image: Bytes) -> str:
     """A picture uint8 (h, w) grey or (h, w, 3) RGB as a data URI."""
     return "data:image/png;base64," + base64.b64encode(encode_png(image)).decode()
@@ -152,6 +164,7 @@ def _environment(*, markdown: bool) -> Any:
         "percent": percent,
         "points": points,
         "interval": interval,
+        "percents": percents,
         "code": _code,
     }
     return environment

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from layoutexplore.benchmark.analysis import compare
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
-from layoutexplore.report.benchmark import write_benchmark_report
+from layoutexplore.report.benchmark import headline, write_benchmark_report
 
 
 def test_a_tie_is_told_from_a_win(tmp_path: Path) -> None:
@@ -20,3 +21,7 @@ def test_a_tie_is_told_from_a_win(tmp_path: Path) -> None:
     for path in write_benchmark_report(folder)[:2]:
         said = path.read_text(encoding="utf-8").replace("\N{NO-BREAK SPACE}", " ")
         assert "needs fewer than nearest in 50 % of 2 paired runs (as many count half)" in said
+    markdown = next(line for line in said.splitlines() if line.startswith("| nearest |"))
+    assert markdown.split(" | ")[5:7] == ["–", "–"]  # nobody is better than itself in half of its runs
+    lines = headline(folder.rows(), "nearest", compare(folder.rows(), "nearest"))
+    assert [line[4] for line in lines] == ["better", "–", "50\N{NO-BREAK SPACE}%"]
