@@ -65,10 +65,12 @@ def number(value: float | None, digits: int = 2) -> str:
     """A number with fixed digits, or a dash where there is none.
 
     Example:
-        >>> number(0.8571), number(float("nan")), number(1234.5, 0)
-        ('0.86', '–', '1234')
+        >>> number(0.8571), number(float("nan")), number(1234.5, 0), number(-0.7), number(-0.001)
+        ('0.86', '–', '1234', '−0.70', '0.00')
     """
-    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+    if value is None or not math.isfinite(value):
+        return "–"
+    return f"{value:z.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def percent(value: float | None, digits: int = 0) -> str:
