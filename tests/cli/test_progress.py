@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
-from layoutexplore.cli import progress
+from layoutexplore.cli import app, progress
 from layoutexplore.cli.progress import ProgressLine, plain_console
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from tests.plans import TWO_ROOMS
 
 
 def test_the_end_is_told_once_however_often_it_is_reached() -> None:
@@ -53,3 +58,14 @@ def test_nothing_done_yet_and_begun_again() -> None:
             line.advance(done, 2, done / 2)
     assert isinstance(console.file, io.StringIO)
     assert console.file.getvalue().startswith("2/2 runs")
+
+
+def test_the_table_of_a_benchmark_fits_a_narrow_terminal(tmp_path: Path) -> None:
+    save_plan(floorplan_from_ascii(TWO_ROOMS, name="hut"), tmp_path / "hut.geojson")
+    words = ["--plans", str(tmp_path / "hut.geojson"), "--starts", "1", "--jobs", "1", "--agents", "nearest"]
+    words += ["--agents", "cost-utility:alpha=0.3", "--out", str(tmp_path / "out")]
+    for columns, last in ((50, "better"), (80, "reached 99 %")):
+        printed = CliRunner().invoke(app, ["benchmark", *words], env={"COLUMNS": str(columns)}).output
+        table = printed[printed.index("metres /") :].split("\n2 runs, ")[0].splitlines()
+        assert max(map(len, table)) <= columns
+        assert "cost-utility" in "\n".join(table) and any(line.endswith(last) for line in table)
