@@ -52,6 +52,9 @@ def register(app: typer.Typer) -> None:
     app.command("report", help=REPORT_HELP)(report)
 
 
+_LEAST_NAME = 12
+"""Characters of an agent's name on a line of the table that is printed, at least."""
+
 Plans = Annotated[
     list[str] | None,
     typer.Option(
@@ -263,7 +266,7 @@ def _write_and_show(console: Console, outcome: Outcome) -> None:
     comparisons = compare(outcome.rows, baseline)
     paths = write_benchmark_report(outcome.folder, baseline=baseline, comparisons=comparisons)
     console.print()
-    console.print(_table(headline(outcome.rows, baseline, comparisons)))
+    console.print(_table(headline(outcome.rows, baseline, comparisons), console.width))
     if not any(row.agent == baseline for row in outcome.rows):
         console.print(
             f"{baseline} did not run, so nothing is compared: --baseline names another, --extend adds agents",
@@ -284,14 +287,22 @@ def _write_and_show(console: Console, outcome: Outcome) -> None:
     console.print(f"{runs}, {outcome.ran} of them now. Report: {paths[0]}", soft_wrap=True)
 
 
-def _table(rows: list[tuple[str, ...]]) -> Any:
+def _table(rows: list[tuple[str, ...]], width: int) -> Any:
+    """The table, without its last columns where the terminal has no room for them: the report has all."""
     from rich.table import Table
 
     table = Table(box=None, header_style="bold", pad_edge=False)
     # Long names of agents are folded; numbers and what stands above them never are.
-    table.add_column(rows[0][0], overflow="fold")
+    table.add_column(rows[0][0], overflow="fold", min_width=_LEAST_NAME)
+    left = width - _LEAST_NAME
+    kept = 1
     for column in list(zip(*rows, strict=True))[1:]:
-        table.add_column(column[0], justify="right", no_wrap=True, min_width=max(map(len, column)))
+        wide = max(map(len, column))
+        left -= wide + 2
+        if left < 0:
+            break
+        table.add_column(column[0], justify="right", no_wrap=True, min_width=wide)
+        kept += 1
     for row in rows[1:]:
-        table.add_row(*row)
+        table.add_row(*row[:kept])
     return table

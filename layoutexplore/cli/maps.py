@@ -40,7 +40,11 @@ def list_plans(
     from layoutexplore.maps import load_plan, plan_names, splits
     from layoutexplore.maps.generator import FAMILIES
 
-    table = Table("name", "split", "rooms", "doors", "area m2", "size m", box=None)
+    table = Table(box=None)
+    for heading in ("name", "split", "rooms", "doors", "area m2", "size m"):
+        table.add_column(
+            heading, justify="left" if heading in ("name", "split") else "right", no_wrap=heading == "name"
+        )
     for name in plan_names(split):
         plan = load_plan(name)
         x0, y0, x1, y1 = plan.bounds

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from types import TracebackType
 from typing import Any
@@ -14,6 +15,9 @@ from rich.table import Table
 
 PLAIN_EVERY = 10.0
 """Seconds between plain lines."""
+
+_EARLY = 0.05
+"""Share of the work up to which nobody knows how long the rest takes."""
 
 
 def plain_console(**options: Any) -> Console:
@@ -32,7 +36,7 @@ class ProgressLine:
 
     Args:
         console: Where to write.
-        unit: What is counted, in the plural.
+        unit: What is counted, in the plural; percents are not told as parts of a hundred.
     """
 
     def __init__(self, console: Console, unit: str) -> None:
@@ -40,7 +44,7 @@ class ProgressLine:
         self.unit = unit
         self._bar: Progress | None = None
         self._ended = False
-        self._began = self._printed = time.monotonic()
+        self._restart()
 
     def __enter__(self) -> ProgressLine:
         return self
@@ -54,7 +58,11 @@ class ProgressLine:
     def say(self, text: str) -> None:
         """A line of its own; the time left is estimated from the last one on."""
         self.console.print(text, soft_wrap=True, markup=False)
+        self._restart()
+
+    def _restart(self) -> None:
         self._began = self._printed = time.monotonic()
+        self._marks = deque([(self._began, 0.0)])
 
     def advance(self, done: int, total: int, share: float, note: str = "") -> None:
         """Show how far it is.
@@ -67,14 +75,13 @@ class ProgressLine:
         """
         now = time.monotonic()
         elapsed = now - self._began
-        left = f"about {clock(elapsed * (1 - share) / share)} left" if 0.01 < share < 1 else ""
+        left = self._left(now, share)
+        count = f"{done} {self.unit}" if self.unit.startswith("%") else f"{done}/{total} {self.unit}"
         if not self.console.is_terminal:
             ended, self._ended = self._ended, done == total  # what overshoots says so once
             if not ended and (now - self._printed >= PLAIN_EVERY or done == total):
                 self._printed = now
-                self.say_plain(
-                    f"{done}/{total} {self.unit}, {clock(elapsed)} elapsed{', ' + left if left else ''}"
-                )
+                self.say_plain(f"{count}, {clock(elapsed)} elapsed{', ' + left if left else ''}")
             return
         if self._bar is None:
             columns = (
@@ -85,8 +92,18 @@ class ProgressLine:
             self._bar = Progress(*columns, console=self.console, transient=True)
             self._bar.start()
             self._bar.add_task("", total=1.0, count="", left="", note="")
-        count, left, note = f"{done}/{total} {self.unit}", f"{clock(elapsed)}  {left}", escape(note)
+        left, note = f"{clock(elapsed)}  {left}", escape(note)
         self._bar.update(self._bar.task_ids[0], completed=share, count=count, left=left, note=note)
+
+    def _left(self, now: float, share: float) -> str:
+        """The time left at the speed of the later half of what is done: kernels are compiled in the first."""
+        self._marks.append((now, share))
+        while len(self._marks) > 1 and self._marks[1][1] <= share / 2:
+            self._marks.popleft()
+        began, before = self._marks[0]
+        if not _EARLY <= share < 1 or share <= before:
+            return ""
+        return f"about {clock((now - began) * (1 - share) / (share - before))} left"
 
     def say_plain(self, text: str) -> None:
         """A line that does not disturb the estimate."""

@@ -26,12 +26,13 @@ def command_page(command: Command) -> str:
     """All commands below `command` as one Markdown page: what each does, its arguments and options."""
     parts = ["# Commands", "", "What `layoutexplore COMMAND --help` prints, on one page.", ""]
     for path, found in _leaves(command, ("layoutexplore",)):
-        parts += [f"## `{' '.join(path)}`", "", _plain(found.help), ""]
+        parts += [f"## `{' '.join(path)}`", "", _page_of(found.help), ""]
         rows = [row for parameter in found.params if (row := _row(parameter))]
         if rows:
-            parts += ["| option | default | |", "|---|---|---|", *rows, ""]
+            parts += ["| option | default | meaning |", "|---|---|---|", *rows, ""]
         if found.epilog:
-            parts += [f"{_plain(found.epilog)}", ""]
+            title, commands = _plain(found.epilog).split(": ", 1)
+            parts += [title, "", _block(commands.split("; ")), ""]
     return "\n".join(parts)
 
 
@@ -75,11 +76,24 @@ def _row(parameter: Any) -> str | None:
     if "--help" in parameter.opts:
         return None
     named = parameter.param_type_name == "option"
-    names = [*parameter.opts, *parameter.secondary_opts] if named else [parameter.name]
+    names = [*parameter.opts, *parameter.secondary_opts] if named else [parameter.metavar or parameter.name]
     default = parameter.default
-    shown = "" if default is None or callable(default) or default == () else f"`{default}`"
+    untold = default in (None, "", (), False) or callable(default)
+    shown = "" if untold else f"`{default}`"
     text = _plain(getattr(parameter, "help", "") or "").replace("\n", " ").replace("|", "\\|")
     return f"| {', '.join(f'`{name}`' for name in names)} | {shown} | {text} |"
+
+
+def _page_of(text: str | None) -> str:
+    """Help as Markdown, the examples in it as code."""
+    paragraphs = [part.strip() for part in _plain(text).split("\n\n")]
+    commands = [part for part in paragraphs if part.startswith("layoutexplore ")]
+    prose = [part for part in paragraphs if part not in commands]
+    return "\n\n".join([*prose, _block(commands)] if commands else prose)
+
+
+def _block(commands: list[str]) -> str:
+    return "\n".join(["```bash", *commands, "```"])
 
 
 def _plain(text: str | None) -> str:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import functools
 import unicodedata
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
 from layoutexplore.drawing import palette
+from layoutexplore.drawing.view import SHIFT
 from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Bytes, Floats
 
@@ -17,8 +19,14 @@ if TYPE_CHECKING:
     from layoutexplore.simulation.simulation import Simulation
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
+Keys = Sequence[tuple[palette.Colour, str]]
+"""Colours and what they mean."""
+
 _LONGEST = 200
 """Characters of a name of which as many are drawn as there is room for."""
+
+_SHORTEST = 14
+"""Characters to which the name of a strategy is cut before what stands behind it."""
 
 _REASONS = {
     "": "exploring",
@@ -45,10 +53,8 @@ def draw_dashboard(simulation: Simulation, size: tuple[int, int], agent: str) ->
     pad = round(0.02 * width)
     left = [pad, round(0.36 * width), round(0.50 * width), round(0.645 * width)]
     state = _REASONS[simulation.stop_reason]
-    subtitle = ", ".join(
-        part for part in (agent[:_LONGEST], f"{simulation.lidar.config.name} lidar", state) if part
-    )
-    _field(image, left[0], simulation.plan.name[:_LONGEST], subtitle, left[1] - left[0] - pad)
+    behind = f"{simulation.lidar.config.name} lidar, {state}"
+    _field(image, left[0], simulation.plan.name[:_LONGEST], behind, left[1] - left[0] - pad, agent[:_LONGEST])
     room = left[2] - left[1] - pad // 2
     _field(image, left[1], f"{100 * simulation.coverage:.1f} %", "coverage", room)
     room = left[3] - left[2] - pad // 2
@@ -96,15 +102,55 @@ def _scale(height: float) -> float:
     return 10.0 * height / float(capital)
 
 
+def put_keys(image: Bytes, keys: Keys, left: float, middle: int, height: float) -> None:
+    """Draw what colours mean in one line: dots with white rims, each with its words.
+
+    Args:
+        image: uint8 (height, width, 3), drawn into.
+        keys: The colours and what they mean.
+        left: Pixel column at which the line begins.
+        middle: Pixel row of the middle of the dots.
+        height: Height of a capital letter in pixels.
+    """
+    for colour, text in keys:
+        put_dot(image, (round(left + height) << SHIFT, middle << SHIFT), 0.6 * height, colour)
+        put_text(image, text, left + 2.5 * height, middle + height / 2, height, palette.FADED_INK)
+        left += keys_width([(colour, text)], height)
+
+
+def keys_width(keys: Keys, height: float) -> float:
+    """Width in pixels of a line of `put_keys`, with the gap behind it."""
+    return sum(5 * height + text_width(text, height) for _, text in keys)
+
+
+def put_dot(image: Bytes, point: tuple[int, int], radius: float, colour: palette.Colour) -> None:
+    """Draw a dot with a white rim.
+
+    Args:
+        image: uint8 (height, width, 3), drawn into.
+        point: Its middle (x, y) in pixels times 2 ** SHIFT.
+        radius: In pixels, without the rim.
+        colour: Of the dot.
+    """
+    for size, fill in ((radius + 1.5, palette.WHITE), (radius, colour)):
+        cv2.circle(image, point, round(size * (1 << SHIFT)), fill, cv2.FILLED, cv2.LINE_AA, SHIFT)
+
+
 def _ascii(text: str) -> str:
     return unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
 
 
-def _field(image: Bytes, left: int, value: str, name: str, room: int) -> None:
-    """A value in large letters over its name in small ones, shrunk or cut to fit into `room` pixels."""
+def _field(image: Bytes, left: int, value: str, name: str, room: int, before: str = "") -> None:
+    """A value in large letters over its name in small ones, shrunk or cut to fit into `room` pixels.
+
+    What stands `before` the name is cut first.
+    """
     high = image.shape[0]
     large, small = 0.22 * high, 0.135 * high
     large *= min(1.0, room / max(1, text_width(value, large, 2)))
+    while len(before) > _SHORTEST and text_width(f"{before}, {name}", small) > room:
+        before = before.removesuffix("...")[:-1] + "..."
+    name = ", ".join(part for part in (before, name) if part)
     while len(name) > 4 and text_width(name, small) > room:
         name = name.removesuffix("...")[:-1] + "..."
     put_text(image, value, left, 0.47 * high, large, palette.INK, 2)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import shapely
 
-from layoutexplore.drawing.palette import Colour, Image
+from layoutexplore.drawing.palette import BLUE, ORANGE, VERMILLION, Colour, Image
 from layoutexplore.drawing.room_fills import fills_of_rooms
 from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
@@ -18,8 +18,8 @@ from layoutexplore.options import Rule, check_kind
 INK: Colour = (30, 30, 36)
 PAPER: Colour = (250, 250, 250)
 UNSEEN: Colour = (205, 208, 212)
-LINE: Colour = (208, 48, 48)
-LOCAL: Colour = (232, 150, 60)
+LINE: Colour = VERMILLION
+LOCAL: Colour = ORANGE
 FACES: dict[FaceKind, Colour] = {
     FaceKind.EXTERNAL: (236, 238, 240),
     FaceKind.PARTIAL: (190, 196, 205),
@@ -32,6 +32,9 @@ WIDE = 1.6
 
 def draw_layout(layout: Layout, grid: OccupancyGrid | None = None, *, panel: int = 600) -> Image:
     """Overview uint8 RGB (h, w, 3), y up: map, clean map, lines, faces, rooms; in a row, or a column if wide.
+
+    Lines: pieces of walls blue, the lines through them vermillion, orange where only parts of them are kept.
+    Faces: inside blue, half-seen ones grey. Rooms: outlines of half-seen ones vermillion.
 
     Args:
         layout: The layout.
@@ -115,7 +118,7 @@ def _draw_lines(canvas: _Canvas, layout: Layout) -> Image:
             colour, width = (LOCAL, 1) if line.is_local else (LINE, 1)
             canvas.line(image, np.array(line.start), np.array(line.end), colour, width)
     for x0, y0, x1, y1 in layout.segments:
-        canvas.line(image, np.array((x0, y0)), np.array((x1, y1)), (30, 110, 60), 2)
+        canvas.line(image, np.array((x0, y0)), np.array((x1, y1)), BLUE, 2)
     return image
 
 

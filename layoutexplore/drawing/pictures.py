@@ -16,7 +16,14 @@ import cv2
 import numpy as np
 
 from layoutexplore.drawing import palette
-from layoutexplore.drawing.dashboard import draw_dashboard, put_text, text_width
+from layoutexplore.drawing.dashboard import (
+    draw_dashboard,
+    keys_width,
+    put_dot,
+    put_keys,
+    put_text,
+    text_width,
+)
 from layoutexplore.drawing.palette import Image
 from layoutexplore.drawing.room_fills import fills_of_rooms
 from layoutexplore.drawing.view import SHIFT, View
@@ -48,6 +55,13 @@ room that are such floor, and that are not, and the first frontier class."""
 
 _CLASSES = (palette.FRONTIER, palette.CLOSED, palette.OPEN)
 """Colours of frontiers without a class, closed ones and open ones."""
+
+_KEYS = (
+    (palette.CLOSED, "closed frontier"),
+    (palette.OPEN, "open frontier"),
+    (palette.PREDICTED, "predicted"),
+)
+"""What the colours of a prediction mean."""
 
 
 @checks_arguments
@@ -138,7 +152,7 @@ def draw_state(
         _draw_choices(image, view, decision, target)
     _draw_robot(image, view, simulation.pose, simulation.config.robot_radius)
     if decision is not None and decision.rooms is not None:
-        _draw_legend(image)
+        _draw_legend(image, view, simulation.raster.free)
     frame = np.empty((height, width, 3), np.uint8)
     frame[: height - bar] = image
     frame[height - bar :] = draw_dashboard(simulation, (width, bar), agent)
@@ -180,7 +194,8 @@ def draw_decision(
     if decision.rooms is None:
         return image
     legend = np.full((max(45, round(0.055 * wide)), wide, 3), palette.CANVAS, np.uint8)
-    _draw_legend(legend)
+    height = max(8, round(0.011 * wide))
+    put_keys(legend, _KEYS, round(0.02 * wide), 3 * height, height)
     return np.concatenate([legend, image])
 
 
@@ -313,9 +328,9 @@ def _draw_way(image: Image, view: View, way: Floats) -> None:
 def _draw_viewpoints(image: Image, view: View, decision: Decision, target: int | None) -> None:
     """A ring where each frontier would be looked at from."""
     points = view.fixed(decision.grid.cells_to_world(decision.viewpoints))
-    for k, (point, frontier) in enumerate(zip(points.tolist(), decision.frontiers, strict=True)):
+    for k, ((x, y), frontier) in enumerate(zip(points.tolist(), decision.frontiers, strict=True)):
         colour = _CLASSES[_class_of(frontier)]
-        _dot(image, point, 4.5, palette.PLANNED if k == target else colour)
+        put_dot(image, (x, y), 4.5, palette.PLANNED if k == target else colour)
 
 
 def _draw_numbers(image: Image, view: View, decision: Decision) -> None:
@@ -346,23 +361,15 @@ def _draw_robot(image: Image, view: View, pose: Pose, radius: float) -> None:
     cv2.polylines(image, [corners], True, palette.INK, 1, cv2.LINE_AA, SHIFT)
 
 
-def _dot(image: Image, point: list[int], radius: float, colour: palette.Colour) -> None:
-    """A dot with a white rim at a fixed-point pixel position."""
-    x, y = point
-    cv2.circle(
-        image, (x, y), round((radius + 1.5) * (1 << SHIFT)), palette.WHITE, cv2.FILLED, cv2.LINE_AA, SHIFT
-    )
-    cv2.circle(image, (x, y), round(radius * (1 << SHIFT)), colour, cv2.FILLED, cv2.LINE_AA, SHIFT)
-
-
-def _draw_legend(image: Image) -> None:
-    """What the colours of a prediction mean, in the upper left corner."""
-    left, height = round(0.02 * image.shape[1]), max(8, round(0.011 * image.shape[1]))
-    for colour, text in (
-        (palette.CLOSED, "closed"),
-        (palette.OPEN, "open"),
-        (palette.PREDICTED, "predicted"),
-    ):
-        _dot(image, [(left + height) << SHIFT, 3 * height << SHIFT], 0.6 * height, colour)
-        width = put_text(image, text, left + 2.5 * height, 3.5 * height, height, palette.FADED_INK)
-        left += width + 5 * height
+def _draw_legend(image: Image, view: View, floor: Mask) -> None:
+    """What the colours of a prediction mean, in the corner with the least `floor` bool (rows, cols)."""
+    height = max(8, round(0.011 * image.shape[1]))
+    pad, high, wide = round(0.02 * image.shape[1]), 4 * height, keys_width(_KEYS, height)
+    right, low = image.shape[1] - pad - wide, image.shape[0] - height - high
+    corners = [(top, left) for top in (height, low) for left in (pad, right)]
+    below = [int(np.count_nonzero(floor[view.cells(*corner, high, wide)])) for corner in corners]
+    top, left = (round(place) for place in corners[below.index(min(below))])
+    if min(below):
+        part = image[top : top + high, left : left + round(wide)]
+        part[:] = (part.astype(np.uint16) + 3 * np.array(palette.CANVAS, np.uint16)) // 4
+    put_keys(image, _KEYS, left, top + high // 2, height)

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from layoutexplore.drawing import palette
-from layoutexplore.drawing.dashboard import put_text
+from layoutexplore.drawing.dashboard import Keys, keys_width, put_keys, put_text, text_width
 from layoutexplore.drawing.palette import Image
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.grids.arrays import Bytes, Floats
@@ -17,10 +17,18 @@ from layoutexplore.priors.completion import Compared, compared
 from layoutexplore.priors.registration import Registration
 
 CAPTION = 28
-"""Height of the caption (on screen)."""
+"""Least height of the caption (on screen)."""
 
 GAP = 24
 """Space between two pictures side by side (on screen)."""
+
+_KEYS = {
+    Compared.FORESEEN_FLOOR: (palette.PREDICTED, "floor of the plan"),
+    Compared.FORESEEN_WALL: (palette.BLUE, "walls of the plan"),
+    Compared.OTHER_FLOOR: (palette.VERMILLION, "seen otherwise"),
+    Compared.OTHER_WALL: (palette.VERMILLION, "seen otherwise"),
+}
+"""What the colours mean; said of those that are there, where the picture is wide enough for it."""
 
 
 @checks_arguments
@@ -30,7 +38,8 @@ def draw_registered(
     """The map with the plan as the best hypothesis places it, where it agrees and where it does not.
 
     Floor that only the plan knows is tinted, strongly where the plan is sure; walls that only the plan knows
-    are blue; seen floor and walls that the plan shows otherwise are red. The way is drawn on top.
+    are blue; seen floor and walls that the plan shows otherwise are red. The way is drawn on top, from a
+    green dot to a blue one.
 
     Args:
         grid: What the robot knows.
@@ -45,14 +54,13 @@ def draw_registered(
     check_kind("grid", grid, OccupancyGrid)
     check_kind("registration", registration, Registration)
     Rule(kind=int, low=1, high=64).convert("scale", scale)
-    image = draw_comparison(compared(grid, registration), confidence)
+    codes = compared(grid, registration)
+    image = draw_comparison(codes, confidence)
     large = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
     picture = np.asarray(large, np.uint8)
     _draw_way(picture, grid, track, scale)
-    framed = np.pad(picture, ((CAPTION, 0), (0, 0), (0, 0)), constant_values=255)
     words = f"confidence {confidence:.2f}" if registration.hypotheses else "no place found"
-    put_text(framed, words, 6, CAPTION - 9, 13, palette.INK)
-    return framed
+    return _captioned(picture, words, list(dict.fromkeys(_KEYS[k] for k in _KEYS if (codes == k).any())))
 
 
 @checks_arguments
@@ -90,6 +98,19 @@ def side_by_side(left: Image, right: Image) -> Image:
     fitted = np.asarray(cv2.resize(left, (width, height), interpolation=cv2.INTER_AREA), np.uint8)
     gap = np.full((height, GAP, 3), 255, np.uint8)
     return np.concatenate([fitted, gap, right], axis=1)
+
+
+def _captioned(picture: Image, words: str, keys: Keys) -> Image:
+    """The picture below a line of words and, where there is room, what its colours mean."""
+    wide = picture.shape[1]
+    bar = max(CAPTION, round(0.03 * wide))
+    framed = np.pad(picture, ((bar, 0), (0, 0), (0, 0)), constant_values=255)
+    letters = 0.36 * bar
+    put_text(framed, words, 6, (bar + letters) / 2, letters, palette.INK)
+    left = 6 + text_width(words, letters) + 3 * letters
+    if left + keys_width(keys, letters) <= wide:
+        put_keys(framed, keys, left, bar // 2, letters)
+    return framed
 
 
 def _mixed(first: palette.Colour, second: palette.Colour, share: float) -> Floats:

@@ -53,6 +53,17 @@ class View:
         )
         return image
 
+    def cells(self, top: float, left: float, height: float, width: float) -> tuple[slice, slice]:
+        """Rows and columns of the cells in a part of the picture, given in pixels."""
+        first = (left - self.left) / self.scale
+        last = self.shape[0] - (top - self.top) / self.scale
+        ends = (
+            (last - height / self.scale, last, self.shape[0]),
+            (first, first + width / self.scale, self.shape[1]),
+        )
+        rows, cols = (slice(*np.clip((math.floor(a), math.ceil(b)), 0, most).tolist()) for a, b, most in ends)
+        return rows, cols
+
     def pixels(self, points: Floats) -> Floats:
         """Pixel coordinates (x right, y down) of world points (n, 2)."""
         c, s = math.cos(self.origin.theta), math.sin(self.origin.theta)

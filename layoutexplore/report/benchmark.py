@@ -84,7 +84,7 @@ def headline(rows: Sequence[Row], baseline: str, comparisons: Sequence[Compariso
         (
             agent,
             *(_short(found.get(m), full=m == level) for m, _ in names),
-            percent(found[level].improvement.estimate) if level in found else "–",
+            percent(found[level].improvement.estimate) if level in found and agent != baseline else "–",
             percent(found["d99"].reached) if "d99" in found else "–",
         )
         for agent, found in ranked

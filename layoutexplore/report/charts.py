@@ -130,7 +130,8 @@ def line_chart(
     x_ticks = tuple((round((n + 0.5) * slot, 2), text) for n, text in enumerate(strata))
     count = round((high - low) / _STEP)
     every = max(1, round(count / 8))
-    y_ticks = tuple((height(low + n * _STEP), f"{low + n * _STEP:g}") for n in range(0, count + 1, every))
+    levels = [low + n * _STEP for n in range(0, count + 1, every)]
+    y_ticks = tuple((height(level), f"{level:g}".replace("-", "\N{MINUS SIGN}")) for level in levels)
     return Chart(tuple(series), Ticks(x_ticks, y_ticks))
 
 

@@ -19,7 +19,7 @@ from layoutexplore.files import atomic, safe_name, write_atomically
 from layoutexplore.report.benchmark_view import BenchmarkView
 from layoutexplore.report.plots import Look
 from layoutexplore.report.profiles import FARTHEST, share_within
-from layoutexplore.report.templates import interval, number, percent
+from layoutexplore.report.templates import interval, number, percent, percents
 
 _STYLE: Any = {
     "font.size": 8,
@@ -110,7 +110,7 @@ def tables_of(view: BenchmarkView) -> list[Table]:
     header = ("agent", "seen", "rooms finished", "walked twice", "decisions", "ms a decision", "seconds")
     first = view.groups[:1]
     found += [Table("behaviour", header, [_behaviour(line) for line in group.table]) for group in first]
-    header = ("agent", "choices changed", "true rooms would", "ms a prediction")
+    header = ("agent", "choices changed", "true rooms would change it", "ms a prediction")
     for name, effects in view.layouts.effects.items():
         body = [
             (
@@ -125,7 +125,7 @@ def tables_of(view: BenchmarkView) -> list[Table]:
     header = ("agent", "metres saved", "points lost", "lost more than 2")
     for name, (_, stops) in view.layouts.stops.items():
         body = [
-            (s.agent, interval(s.saved), number(100 * s.lost.estimate, 1), percent(s.too_early))
+            (s.agent, percents(s.saved), number(100 * s.lost.estimate, 1), percent(s.too_early))
             for s in stops
         ]
         found.append(Table(f"stops-{safe_name(name)}", header, body))

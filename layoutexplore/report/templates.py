@@ -65,10 +65,12 @@ def number(value: float | None, digits: int = 2) -> str:
     """A number with fixed digits, or a dash where there is none.
 
     Example:
-        >>> number(0.8571), number(float("nan")), number(1234.5, 0)
-        ('0.86', '–', '1234')
+        >>> number(0.8571), number(float("nan")), number(1234.5, 0), number(-0.7), number(-0.001)
+        ('0.86', '–', '1234', '−0.70', '0.00')
     """
-    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+    if value is None or not math.isfinite(value):
+        return "–"
+    return f"{value:z.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
 def percent(value: float | None, digits: int = 0) -> str:
@@ -107,6 +109,18 @@ def interval(value: Interval | None) -> str:
     if not math.isfinite(value.low):
         return f"{value.estimate:.2f}"
     return f"{value.estimate:.2f} ({value.low:.2f}–{value.high:.2f})"
+
+
+def percents(value: Interval) -> str:
+    r"""A share with its interval, in percent.
+
+    Example:
+        >>> percents(Interval(0.214, 0.11, 0.39)), percents(Interval(0.2, float("nan"), float("nan")))
+        ('21\xa0% (11–39)', '20\xa0%')
+    """
+    if not math.isfinite(value.low):
+        return percent(value.estimate)
+    return f"{percent(value.estimate)} ({number(100 * value.low, 0)}–{number(100 * value.high, 0)})"
 
 
 def png_uri(image: Bytes) -> str:
@@ -152,6 +166,7 @@ def _environment(*, markdown: bool) -> Any:
         "percent": percent,
         "points": points,
         "interval": interval,
+        "percents": percents,
         "code": _code,
     }
     return environment

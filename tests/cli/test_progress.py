@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
+import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
+from layoutexplore.cli import app, progress
 from layoutexplore.cli.progress import ProgressLine, plain_console
+from layoutexplore.maps.geojson import save_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
+from tests.plans import TWO_ROOMS
 
 
 def test_the_end_is_told_once_however_often_it_is_reached() -> None:
@@ -28,3 +35,37 @@ def test_names_that_look_like_markup_are_written_as_they_are() -> None:
             line.advance(2, 2, 1.0, odd)
         assert isinstance(console.file, io.StringIO)
         assert odd in console.file.getvalue()
+
+
+def test_the_time_left_goes_by_the_speed_of_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    console, times = Console(file=io.StringIO(), width=200), iter((0.0, 300.0, 320.0, 340.0))
+    monkeypatch.setattr(progress.time, "monotonic", lambda: next(times))
+    with ProgressLine(console, "% seen") as line:
+        for done in (2, 42, 82):  # kernels were compiled for the first five minutes
+            line.advance(done, 100, done / 100)
+    assert isinstance(console.file, io.StringIO)
+    assert console.file.getvalue().splitlines() == [
+        "2 % seen, 5:00 elapsed",
+        "42 % seen, 5:20 elapsed, about 0:29 left",
+        "82 % seen, 5:40 elapsed, about 0:09 left",
+    ]
+
+
+def test_nothing_done_yet_and_begun_again() -> None:
+    console = Console(file=io.StringIO(), width=200)
+    with ProgressLine(console, "runs") as line:
+        for done in (0, 0, 1, 0, 2):
+            line.advance(done, 2, done / 2)
+    assert isinstance(console.file, io.StringIO)
+    assert console.file.getvalue().startswith("2/2 runs")
+
+
+def test_the_table_of_a_benchmark_fits_a_narrow_terminal(tmp_path: Path) -> None:
+    save_plan(floorplan_from_ascii(TWO_ROOMS, name="hut"), tmp_path / "hut.geojson")
+    words = ["--plans", str(tmp_path / "hut.geojson"), "--starts", "1", "--jobs", "1", "--agents", "nearest"]
+    words += ["--agents", "cost-utility:alpha=0.3", "--out", str(tmp_path / "out")]
+    for columns, last in ((50, "better"), (80, "reached 99 %")):
+        printed = CliRunner().invoke(app, ["benchmark", *words], env={"COLUMNS": str(columns)}).output
+        table = printed[printed.index("metres /") :].split("\n2 runs, ")[0].splitlines()
+        assert max(map(len, table)) <= columns
+        assert "cost-utility" in "\n".join(table) and any(line.endswith(last) for line in table)

@@ -21,6 +21,9 @@ def test_every_command_is_on_the_page_of_commands() -> None:
     for command in ("benchmark", "explore", "maps import", "evaluate in-the-loop"):
         assert f"## `layoutexplore {command}`" in page
     assert "| `--plans` |" in page and "[bold]" not in page
+    assert "Examples\n\n```bash\nlayoutexplore benchmark\nlayoutexplore benchmark --plans test" in page
+    assert "Examples\n\n```bash\nlayoutexplore layout floor.yaml --out layouts\nlayoutexplore layout" in page
+    assert "``" not in page.replace("```", "") and "| `MAP` |" in page and "`False`" not in page
 
 
 def test_help_names_extras() -> None:

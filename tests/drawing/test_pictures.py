@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from dataclasses import replace
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from layoutexplore.drawing import palette
+from layoutexplore.drawing import dashboard, palette
 from layoutexplore.drawing import pictures as picture
 from layoutexplore.drawing.dashboard import put_text, text_width
 from layoutexplore.drawing.pictures import draw_decision, draw_grid, draw_plan, draw_state
@@ -171,6 +172,33 @@ def test_nothing_is_written_over_the_map_of_a_decision(plan: FloorPlan) -> None:
     assert not count(legend, palette.WALL) and (below[:5] == palette.CANVAS).all()
     way = np.array([(1.5, 1.5), (2.0, 1.5), (2.5, 1.5), (3.0, 1.5)])
     assert count(draw_decision(decision, width=700, way=way), palette.PLANNED) > count(image, palette.PLANNED)
+
+
+def test_the_legend_stands_in_the_corner_with_the_least_floor(monkeypatch: pytest.MonkeyPatch) -> None:
+    places: list[tuple[float, int]] = []
+    monkeypatch.setattr(picture, "put_keys", lambda _i, _k, left, middle, _h: places.append((left, middle)))
+    half, whole = f"#{29 * 'a'}{30 * '#'}", f"#{58 * 'a'}#"
+    rows = [60 * "#", *17 * [half], *17 * [whole], 60 * "#"]
+    for way, side in itertools.product((1, -1), (1, -1)):
+        plan = floorplan_from_ascii("\n".join(row[::side] for row in rows[::way]), resolution=0.5)
+        simulation = Simulation(plan, SimulationConfig(sensor="short"), make_predictor("oracle"))
+        simulation.reset(seed=1)
+        draw_state(simulation, size=(960, 700))
+    assert [(left > 400, middle > 300) for left, middle in places] == [
+        (True, False),
+        (False, False),
+        (True, True),
+        (False, True),
+    ]
+
+
+def test_a_long_name_of_an_agent_does_not_cut_off_the_state(
+    plan: FloorPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    monkeypatch.setattr(dashboard, "put_text", lambda _image, text, *_, **__: told.append(text))
+    draw_state(run(plan), agent="plan-tour:predictor=prior:a-plan-with-a-name.png")
+    assert any(re.fullmatch(r"plan-tour:pred.*\.\.\., short lidar, explor(ing|ed)", text) for text in told)
 
 
 def test_cells_land_where_their_coordinates_do(plan: FloorPlan) -> None:

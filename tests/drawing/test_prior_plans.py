@@ -25,7 +25,7 @@ def test_a_plan_in_its_place_agrees_and_foresees() -> None:
     found = colours(image)
     assert {palette.PREDICTED, palette.BLUE, palette.WALL, palette.GREEN} <= found
     assert palette.VERMILLION not in found
-    half = image[:, : image.shape[1] // 2 - 20]
+    half = image[CAPTION:, : image.shape[1] // 2 - 20]  # the caption says what colours mean
     assert palette.PREDICTED not in colours(half)
 
 

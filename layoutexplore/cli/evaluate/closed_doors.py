@@ -145,5 +145,6 @@ def _print(summary: Sequence[dict[str, Any]]) -> None:
     wide = max(len(line["group"]) for line in summary)
     typer.echo(f"\n{'':<{wide}}  {'method':<10}{'maps':>5}" + "".join(f"{column:>10}" for column in COLUMNS))
     for line in summary:
-        values = "".join(f"{line[column]:>10.3f}" for column in COLUMNS)
+        shown = ("-" if line[column] != line[column] else f"{line[column]:.3f}" for column in COLUMNS)
+        values = "".join(f"{text:>10}" for text in shown)
         typer.echo(f"{line['group']:<{wide}}  {line['method']:<10}{line['maps']:>5}{values}")
