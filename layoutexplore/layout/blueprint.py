@@ -214,7 +214,7 @@ def _written(marks: Mask, words: Sequence[tuple[int, int, int, int]]) -> Mask:
         boxes[top : top + height, left : left + width] = True
     count, part = cv2.connectedComponents(marks.astype(np.uint8), connectivity=8)
     sizes, inside = (np.bincount(part[mask], minlength=count) for mask in (marks, marks & boxes))
-    return (inside > OF_A_WORD * sizes)[part] & marks
+    return np.asarray((inside > OF_A_WORD * sizes)[part] & marks)
 
 
 def _templates_found(

@@ -20,7 +20,8 @@ PATIENCE = 60.0
 
 _FILE = "layoutexplore.lock"
 _LOOK_AGAIN = 0.02
-_compile, _load = Dispatcher.compile, Cache.load_overload
+_compile: Any = Dispatcher.compile
+_load: Any = Cache.load_overload
 _files: dict[str, int] = {}
 """Open files of locks by the folder of kernels. They stay open: to close one gives up all locks in it."""
 
@@ -38,7 +39,8 @@ def compile_kernels_once() -> None:
     with contextlib.suppress(ImportError):
         import fcntl  # noqa: F401
 
-        Dispatcher.compile, Cache.load_overload = _compile_locked, _load_or_lock
+        Dispatcher.compile = _compile_locked  # type: ignore[assignment, method-assign]
+        Cache.load_overload = _load_or_lock  # type: ignore[method-assign]
 
 
 def _compile_locked(dispatcher: Any, signature: Any) -> Any:
