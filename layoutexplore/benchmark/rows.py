@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import inspect
 import operator
 import re
 import sys
@@ -268,8 +269,8 @@ COLUMNS = tuple(f.name for f in dataclasses.fields(Row))
 
 def column_meanings() -> list[tuple[str, str]]:
     """Name and meaning of the columns of results.csv, from the documentation of `Row`."""
-    text = (Row.__doc__ or "").split("Attributes:")[1]
-    entries = re.sub(r"\n {12,}", " ", text).strip().splitlines()  # an entry that goes on is indented further
+    text = inspect.cleandoc(Row.__doc__ or "").split("Attributes:")[1]
+    entries = re.sub(r"\n {8,}", " ", text).strip().splitlines()  # an entry that goes on is indented further
     pairs = (line.strip().split(": ", 1) for line in entries)
     return [(name, meaning) for name, meaning in pairs]
 

@@ -8,6 +8,7 @@ process with it. What spaces, walls, columns and openings are as seen from above
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -204,12 +205,6 @@ def _placed(outline: BaseGeometry, width: float) -> list[float]:
 def write_floors(source: str, target: str) -> int:
     """Write the floors of a model; what is wrong with it goes to the error stream, and the status is 1."""
     try:
-        import resource
-
-        resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
-    except (ImportError, ValueError, OSError):  # no such limit on this system
-        pass
-    try:
         write_json(Path(target), floors_of_model(Path(source)))
     except Exception as error:
         print(cause(error), file=sys.stderr)
@@ -217,5 +212,13 @@ def write_floors(source: str, target: str) -> int:
     return 0
 
 
+def _limit_memory() -> None:
+    with contextlib.suppress(ImportError, ValueError, OSError):  # no such limit on this system
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
+
+
 if __name__ == "__main__":
+    _limit_memory()
     sys.exit(write_floors(*sys.argv[1:]))

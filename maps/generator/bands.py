@@ -14,7 +14,7 @@ import numpy as np
 
 from layoutexplore.maps.generator.bays import Bay, Piece, plain
 from layoutexplore.maps.generator.programme import Programme, RoomType
-from layoutexplore.maps.generator.space_graph import SpaceGraph
+from layoutexplore.maps.generator.space_graph import SpaceGraph, added
 from layoutexplore.maps.generator.wing_frame import WingFrame
 
 Slot = tuple[RoomType, float]
@@ -54,7 +54,7 @@ class Plot:
     @property
     def spare(self) -> float:
         """Length that is not promised to wanted slots, m."""
-        return self.length - sum(width for group in self.wanted for _, width in group)
+        return self.length - added(width for group in self.wanted for _, width in group)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,8 +127,8 @@ def _deal_specials(
 
 def _deal_cores(plots: Sequence[Plot], programme: Programme, style: Style, rng: np.random.Generator) -> None:
     """Promise cores (stair, toilets, lift, store) to facades where the dark zones hold too few."""
-    length = sum(p.length for p in plots if not p.dark) / 2
-    dark = sum(p.length for p in plots if p.dark)
+    length = added(p.length for p in plots if not p.dark) / 2
+    dark = added(p.length for p in plots if p.dark)
     missing = max(0 if dark > 12.0 else 1, round(length / programme.core_every - dark / 12.0))
     hosts = [p for p in plots if not p.dark]
     for _ in range(missing):
@@ -136,7 +136,7 @@ def _deal_cores(plots: Sequence[Plot], programme: Programme, style: Style, rng: 
         chosen = programme.core[:size] if size > 1 else programme.core[1:2]
         group = [(kind, float(rng.uniform(*kind.width))) for kind in chosen]
         host = max(hosts, key=lambda p: p.spare, default=None)
-        if host is None or host.spare < sum(width for _, width in group):
+        if host is None or host.spare < added(width for _, width in group):
             return
         host.wanted.append(group if rng.random() < 0.5 else group[::-1])
 
@@ -170,7 +170,7 @@ def _fill_bright(
     owed = 0.0
     for k, share in enumerate(shares):
         run = divide(float(share) + owed, programme.facade, style, rng)
-        owed += float(share) - sum(width for _, width in run)
+        owed += float(share) - added(width for _, width in run)
         slots += run + (groups[k] if k < len(groups) else [])
     _place(graph, plot, _stretched(slots, plot.length), style, rng)
 
@@ -198,7 +198,7 @@ def _on_grid(width: float, module: float) -> float:
 
 def _stretched(slots: list[Slot], length: float) -> list[Slot]:
     """The slots widened (or narrowed a little) so that they fill the length exactly."""
-    total = sum(width for _, width in slots)
+    total = added(width for _, width in slots)
     return [(kind, width * length / total) for kind, width in slots]
 
 
@@ -215,7 +215,7 @@ def _place(graph: SpaceGraph, plot: Plot, slots: list[Slot], style: Style, rng: 
     previous: tuple[RoomType, int] | None = None
     for k, (kind, width) in enumerate(slots):
         if previous is None or previous[0] is not kind:
-            run = sum(w for other, w in slots[k : k + 3] if other is kind)
+            run = added(w for other, w in slots[k : k + 3] if other is kind)
             step = _facade_step(plot, style, rng) if run > 5.5 else 0.0
         far = _far(plot, kind, width, step, rng)
         flip = not flip if rng.random() < 0.65 else flip

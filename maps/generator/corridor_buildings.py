@@ -15,7 +15,7 @@ from layoutexplore.maps.generator.bands import draw_style, furnish_plots
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.programme import HOSPITAL, OFFICE, OFFICE_DEEP, SCHOOL, Programme
 from layoutexplore.maps.generator.skeletons import draw_skeleton, plan_skeleton
-from layoutexplore.maps.generator.space_graph import AttemptError, SpaceGraph
+from layoutexplore.maps.generator.space_graph import AttemptError, SpaceGraph, added
 from layoutexplore.maps.generator.wing_frame import Straight
 from layoutexplore.maps.generator.wings import Port, Section, Wing, WingOptions, draw_wing, join_corridors
 
@@ -57,7 +57,7 @@ def office(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Space
     if gross > 1300.0 and not config.topology and rng.random() < 0.3:
         section = draw_section(OFFICE, gross, 0.0, rng)
         inner = tuple(float(d) for d in rng.uniform(*DEEP_ROOMS, 2))
-        length = gross / (2 * section.south + 2 * section.corridor + sum(inner))
+        length = gross / (2 * section.south + 2 * section.corridor + added(inner))
         if 24.0 < length < LONGEST_RACETRACK:
             return _racetrack(config, gross, length, section, inner, OFFICE_DEEP, rng)
     return build_skeleton(OFFICE, config, gross, 0.05 if gross < 900.0 else 0.0, rng)
@@ -126,7 +126,7 @@ def _racetrack(
 ) -> SpaceGraph:
     """Two corridors around a core; `inner`: depths of the core's bands on the first and second (0 = none)."""
     graph = SpaceGraph()
-    half, deep = section.corridor / 2, sum(inner)
+    half, deep = section.corridor / 2, added(inner)
     inset = 0.0 if rng.random() < 0.6 else float(rng.uniform(3.6, 5.0))
     links = max(1, round((length - 2 * inset) / float(rng.uniform(15.0, 26.0))))
     places = np.linspace(inset + half, length - inset - half, links + 1).tolist()

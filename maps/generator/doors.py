@@ -26,6 +26,7 @@ from layoutexplore.maps.generator.space_graph import (
     AttemptError,
     Link,
     SpaceGraph,
+    added,
 )
 
 CORNER = math.radians(15.0)
@@ -153,7 +154,7 @@ def _on_run(
 ) -> Floats | None:
     """The opening on one run of wall."""
     length = _length(run)
-    clear = length - sum(margins)
+    clear = length - added(margins)
     width = min(width, clear)
     if width < NARROWEST:
         return None
