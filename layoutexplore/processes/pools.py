@@ -67,8 +67,10 @@ def worker_context() -> Any:
     """
     if not sys.platform.startswith("linux"):
         return multiprocessing.get_context("spawn")
-    from layoutexplore.processes.forking import SERVER, ForkedContext
-
+    try:
+        from layoutexplore.processes.forking import SERVER, ForkedContext
+    except (ImportError, AttributeError, KeyError):  # a Python that forks otherwise
+        return multiprocessing.get_context("spawn")
     SERVER.set_forkserver_preload([name for name in sys.modules if name.startswith("layoutexplore.")])
     # It looks for modules where this process does, and not in the folder in which it happens to be.
     before = {name: os.environ.get(name) for name in _WHERE_MODULES_ARE}
