@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING
@@ -43,7 +44,7 @@ def warm_up_kernels() -> None:
     began, console = time.monotonic(), plain_console()
     with ProgressLine(console, "steps") as line:
         line.advance(0, 1, 0.0, "a floor plan")
-        names = [name for name, _ in warm_up_steps()]
+        names = list(_steps())
         # Those at either end have least in common: processes that need the same kernel wait for each other.
         order = [names.pop(-(k % 2)) for k in range(len(names))]
         results = run_all(_do_step, order, jobs=min(usable_cores(), MOST_JOBS), lost=_tell_of_lost)
@@ -52,8 +53,13 @@ def warm_up_kernels() -> None:
     console.print(f"done in {time.monotonic() - began:.0f} s; what was compiled is kept for the next time")
 
 
+@functools.cache
+def _steps() -> dict[str, Callable[[], object]]:
+    return dict(warm_up_steps())
+
+
 def _do_step(name: str) -> str:
-    dict(warm_up_steps())[name]()
+    _steps()[name]()
     return name
 
 

@@ -113,11 +113,11 @@ def test_words_are_found_and_erased():
 
 def test_walls_that_are_taken_for_words_stay(monkeypatch):
     image = plan()
-    words = grid_from_blueprint(image, 0.05, config=SILENT)
+    without_words = grid_from_blueprint(image, 0.05, config=SILENT)
     height, width = image.shape[:2]
     found = [(0, 0, 25, width), (0, 0, height, width)]
     monkeypatch.setattr(blueprint, "find_words", lambda image, config: found)
-    assert (grid_from_blueprint(image, 0.05).cells == words.cells).all()
+    assert (grid_from_blueprint(image, 0.05).cells == without_words.cells).all()
 
 
 def test_words_that_take_no_end_are_given_up(tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ from shapely import MultiPolygon, Polygon, box
 from layoutexplore.errors import MapError, MapWarning, MissingExtraError
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.formats import ifc
+from layoutexplore.maps.formats.ifc_geometry import write_floors
 from tests.maps.cases import share_reached
 from tests.maps.formats.cases import IfcModel, write_ifc
 
@@ -149,6 +150,15 @@ def test_a_reader_that_dies_takes_nothing_with_it(
     monkeypatch.setattr(ifc.subprocess, "run", run)
     with pytest.raises(MapError, match=said):
         load_plan(f"{path}#EG")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such limit there")
+def test_who_calls_the_reader_himself_keeps_his_memory(tmp_path: Path) -> None:
+    import resource
+
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    assert write_floors(str(tmp_path / "missing.ifc"), str(tmp_path / "floors.json")) == 1
+    assert resource.getrlimit(resource.RLIMIT_AS) == before
 
 
 def test_without_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
