@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,20 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 # Hypothesis fails what takes longer than 200 ms: on a busy machine, or while kernels compile, anything may.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("untimed")
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile all kernels where there are none: in tests, processes would wait for each other."""
+    if hasattr(session.config, "workerinput") or not session.config.getoption("numprocesses", None):
+        return
+    from layoutexplore.cli.warm_up import warm_up_steps
+    from layoutexplore.processes import usable_cores
+    from layoutexplore.processes.kernel_list import compile_kernels, is_kept, listed_kernels, missing_kernels
+
+    uses = [name for name, _ in warm_up_steps()]
+    if not is_kept(listed_kernels(uses)[0]):
+        sys.stderr.write("compiling the kernels, once\n")
+        compile_kernels(missing_kernels(uses), usable_cores())
 
 
 @pytest.fixture(scope="session")

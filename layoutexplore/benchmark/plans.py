@@ -11,11 +11,27 @@ from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.rows import RunKey
 from layoutexplore.errors import ConfigError, MapError, StartError, unknown_name
 from layoutexplore.grids.grid import Pose
+from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import cached_plan
+from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import start_pose
 from layoutexplore.simulation.region import region_mask
 from layoutexplore.simulation.robot import check_start
+
+_WARM_UP_PLAN = """
+####################
+#aaaaa#bbbbb#ccccc##
+#aaaaa#bbbbb#ccccc##
+#aaaaa#bbbbb#ccccc##
+###.#####.#####.####
+#dddddddddddddddddd#
+#dddddddddddddddddd#
+####.######.########
+#eeeeeee##ffffffff##
+#eeeeeee##ffffffff##
+####################
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +74,11 @@ def entry(source: str, simulation: SimulationConfig) -> PlanEntry:
         building=plan.building,
         reachable_area=round(float(np.count_nonzero(reachable)) * simulation.resolution**2, 2),
     )
+
+
+def warm_up_plan() -> FloorPlan:
+    """A tiny floor, on which everything is done once before it is done in earnest."""
+    return floorplan_from_ascii(_WARM_UP_PLAN, resolution=0.5, name="warm-up")
 
 
 def check_names(entries: Iterable[PlanEntry]) -> None:

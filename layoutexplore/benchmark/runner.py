@@ -34,6 +34,7 @@ from layoutexplore.benchmark.plans import (
     check_poses,
     entry,
     start_of,
+    warm_up_plan,
 )
 from layoutexplore.benchmark.pool import Limited, run_all, taken_megabytes
 from layoutexplore.benchmark.recording import Recorder
@@ -44,27 +45,13 @@ from layoutexplore.errors import ConfigError, WriteError, checks_arguments, coun
 from layoutexplore.grids.arrays import shows_shapes
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.library import cached_plan, find_plans
-from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.options import JOBS, check_kind
 from layoutexplore.plugins.transport import NO_CODE, OwnCode, pack_own_code
 from layoutexplore.processes import asked_to_stop
+from layoutexplore.processes.kernel_list import compile_kernels, missing_kernels
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play, run_seed
 from layoutexplore.simulation.state import raster_of
-
-WARM_UP_PLAN = """
-####################
-#aaaaa#bbbbb#ccccc##
-#aaaaa#bbbbb#ccccc##
-#aaaaa#bbbbb#ccccc##
-###.#####.#####.####
-#dddddddddddddddddd#
-#dddddddddddddddddd#
-####.######.########
-#eeeeeee##ffffffff##
-#eeeeeee##ffffffff##
-####################
-"""
 
 MOST_RUNS = 1_000_000
 """So many runs a benchmark may have: the list of them must fit into memory."""
@@ -93,10 +80,12 @@ class BenchmarkWatcher(NamedTuple):
     Attributes:
         say: Told what happens before the first run.
         advance: Told when a run has ended.
+        compiled: Told how many kernels of how many have been compiled, where several processes do so.
     """
 
     say: Callable[[str], None] = lambda text: None
     advance: Callable[[BenchmarkProgress], None] = lambda progress: None
+    compiled: Callable[[int, int], None] = lambda done, total: None
 
 
 WATCHED_BY_NOBODY = BenchmarkWatcher()
@@ -165,7 +154,7 @@ def run_benchmark(
         make_agent(config.baseline)
     models = fingerprints(config.agents)  # An unknown name or parameter is better told now than in every run.
     code = pack_own_code(registered=_apart(config, jobs, cluster))
-    plans = _loaded(config, watcher.say)
+    plans = _loaded(config, 1 if cluster else jobs, watcher)
     with locked(out):
         folder = open_results(out, config, plans, models, force=force, extend=extend, command=command)
         manifest = folder.manifest()
@@ -275,11 +264,10 @@ def _warm_up_for(task: Task, config: BenchmarkConfig, code: OwnCode) -> None:
 def _warm_up(cell: tuple[str, str], config: BenchmarkConfig, code: OwnCode) -> None:
     _warm.add(cell)
     cv2.setNumThreads(1)
-    plan = floorplan_from_ascii(WARM_UP_PLAN, resolution=0.5, name="warm-up")
     # An agent that fails here fails again in its runs, where the failure is recorded.
     with contextlib.suppress(Exception, SystemExit), code.installed():
         play(
-            *prepare(plan, config.simulation_with(cell[0]), cell[1]),
+            *prepare(warm_up_plan(), config.simulation_with(cell[0]), cell[1]),
             probe=CounterfactualRollouts if config.explain else None,
         )
 
@@ -332,12 +320,18 @@ def _beyond_memory(config: BenchmarkConfig, taken: float) -> str:
     )
 
 
-def _loaded(config: BenchmarkConfig, report: Callable[[str], None]) -> list[PlanEntry]:
+def _loaded(config: BenchmarkConfig, jobs: int, watcher: BenchmarkWatcher) -> list[PlanEntry]:
+    """The floor plans; what reads and explores them is compiled before, if several processes can."""
     sources = find_plans(config.plans)
     count = len(sources) * config.starts * len(config.sensors) * len(config.agents)
     if count > MOST_RUNS:
         raise ConfigError(f"{count} runs are more than {MOST_RUNS}: give fewer plans, starts or agents")
-    report(f"reading {counted(len(sources), 'floor plan')}")
+    if jobs > 1:
+        uses = (*(f"agent {name}" for name in config.agents), *(f"sensor {name}" for name in config.sensors))
+        if missing := missing_kernels((*uses, "a whole exploration")):
+            watcher.say(f"compiling {counted(len(missing), 'kernel')}, which are kept for the next time")
+            compile_kernels(missing, jobs, watcher.compiled)
+    watcher.say(f"reading {counted(len(sources), 'floor plan')}")
     plans = [entry(source, config.simulation) for source in sources]
     check_names(plans)
     check_poses(config, plans)

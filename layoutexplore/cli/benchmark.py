@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -217,7 +218,7 @@ def run_with_progress(
 ) -> Outcome:
     """Run what is missing, with a line that says how far it is."""
     from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
-    from layoutexplore.cli.progress import ProgressLine
+    from layoutexplore.cli.progress import ProgressLine, progress_lines
     from layoutexplore.processes import asked_to_stop, command_line, usable_cores
 
     try:
@@ -237,7 +238,7 @@ def run_with_progress(
                 force=force,
                 extend=extend,
                 command=command_line(),
-                watcher=BenchmarkWatcher(line.say, advance),
+                watcher=BenchmarkWatcher(line.say, advance, partial(progress_lines(), "kernels")),
             )
     except KeyboardInterrupt:
         without = " without --again" if settings.again else ""

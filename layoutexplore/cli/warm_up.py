@@ -23,7 +23,7 @@ PREDICTORS = ("rectangle", "hull", "parallel-wall", "face-subset", "oracle:flip=
 
 
 MOST_JOBS = 4
-"""Processes: more would wait for each other's kernels most of the time."""
+"""Processes that do the steps: what the list of kernels lacks, they wait for together."""
 
 
 def register(app: typer.Typer) -> None:
@@ -36,20 +36,18 @@ def warm_up_kernels() -> None:
     import time
 
     from layoutexplore.benchmark.pool import run_all
-    from layoutexplore.cli.progress import ProgressLine, plain_console
+    from layoutexplore.cli.progress import ProgressLine, plain_console, progress_lines
     from layoutexplore.processes import usable_cores
     from layoutexplore.processes.compilation import LISTENER
+    from layoutexplore.processes.kernel_list import compile_kernels, missing_kernels
 
     LISTENER.is_silent = True  # the bar says it
-    began, console = time.monotonic(), plain_console()
+    began, console, jobs = time.monotonic(), plain_console(), usable_cores()
+    compile_kernels(missing_kernels(_steps()), jobs, functools.partial(progress_lines(), "kernels"))
     with ProgressLine(console, "steps") as line:
-        line.advance(0, 1, 0.0, "a floor plan")
-        names = list(_steps())
-        # Those at either end have least in common: processes that need the same kernel wait for each other.
-        order = [names.pop(-(k % 2)) for k in range(len(names))]
-        results = run_all(_do_step, order, jobs=min(usable_cores(), MOST_JOBS), lost=_tell_of_lost)
+        results = run_all(_do_step, list(_steps()), jobs=min(jobs, MOST_JOBS), lost=_tell_of_lost)
         for done, name in enumerate(results, 1):
-            line.advance(done, len(order), done / len(order), name)
+            line.advance(done, len(_steps()), done / len(_steps()), name)
     console.print(f"done in {time.monotonic() - began:.0f} s; what was compiled is kept for the next time")
 
 
@@ -70,74 +68,99 @@ def _tell_of_lost(name: str) -> str:
 def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
     """Names of what the commands use, each with a call that compiles its kernels."""
     from layoutexplore.benchmark.config import QUICK_AGENTS
-    from layoutexplore.benchmark.runner import WARM_UP_PLAN
+    from layoutexplore.benchmark.plans import warm_up_plan
     from layoutexplore.closed_doors.prediction import predict_closed_rooms
     from layoutexplore.layout.pipeline import METHOD_MODULES, reconstruct
-    from layoutexplore.maps.library import load_plan
-    from layoutexplore.maps.tracing import floorplan_from_ascii
     from layoutexplore.sensing.lidar import SENSORS
     from layoutexplore.simulation.config import SimulationConfig
     from layoutexplore.simulation.robot import OdometryNoise
 
-    tiny, whole = (
-        floorplan_from_ascii(WARM_UP_PLAN, resolution=0.5, name="warm-up"),
-        load_plan("apartment-01"),
-    )
     for agent in (*QUICK_AGENTS, *OTHER_AGENTS):
-        yield f"agent {agent}", partial(_explore, tiny, SimulationConfig(), agent)
+        yield f"agent {agent}", partial(_explore, warm_up_plan, SimulationConfig(), agent)
     noise = OdometryNoise(translation=0.02, rotation=0.01)
     for sensor in SENSORS:
         config = SimulationConfig(sensor=sensor, odometry_noise=noise)
-        yield f"sensor {sensor}", partial(_explore, tiny, config, "nearest")
-    yield "a whole exploration", partial(_explore, whole, SimulationConfig(), "layout-tour")
+        yield f"sensor {sensor}", partial(_explore, warm_up_plan, config, "nearest")
+    yield "a whole exploration", partial(_explore, _apartment, SimulationConfig(), "layout-tour")
     agent, config = "plan-tour:predictor=prior:rough", SimulationConfig(sensor="indoor")
-    yield "a prior plan", partial(_explore, whole, config, agent)
+    yield "a prior plan", partial(_explore, _apartment, config, agent)
     for environment in ("Frontier", "Motion"):
-        yield f"environment {environment}", partial(_step, tiny, environment)
-    grid = whole.rasterize(0.05).grid
+        yield f"environment {environment}", partial(_step, environment)
     for method in METHOD_MODULES:
-        yield f"layout method {method}", partial(reconstruct, grid, method)
-    yield "ragged walls", partial(reconstruct, _ragged(grid), "default")
+        yield f"layout method {method}", partial(_on_map, reconstruct, method)
+    yield "ragged walls", partial(_on_map, reconstruct, of=ragged_map)
     for name in (*PREDICTORS, *(f"reconstruct:{method}" for method in METHOD_MODULES)):
-        yield f"predictor {name}", partial(_predict, tiny, name)
-    yield "closed doors", partial(predict_closed_rooms, grid)
+        yield f"predictor {name}", partial(_predict, name)
+    yield "closed doors", partial(_on_map, predict_closed_rooms)
 
 
-def _ragged(grid: OccupancyGrid) -> OccupancyGrid:
-    """The map with walls in pieces, as recorded ones are."""
+def _apartment() -> FloorPlan:
+    """A floor plan as others have."""
+    from layoutexplore.maps.library import load_plan
+
+    return load_plan("apartment-01")
+
+
+def _map() -> OccupancyGrid:
+    return _apartment().rasterize(0.05).grid
+
+
+def _on_map(
+    function: Callable[..., object], *arguments: object, of: Callable[[], OccupancyGrid] = _map
+) -> object:
+    return function(of(), *arguments)
+
+
+def ragged_map() -> OccupancyGrid:
+    """A map with walls in pieces, as recorded ones are."""
     import numpy as np
 
     from layoutexplore.grids.grid import FREE, OccupancyGrid
 
+    grid = _map()
     missing = grid.occupied & (np.random.default_rng(0).random(grid.shape) < 0.4)
     return OccupancyGrid(np.where(missing, FREE, grid.cells).astype(np.int8), grid.resolution)
 
 
-def _explore(plan: FloorPlan, simulation: SimulationConfig, agent: str) -> None:
+def _explore(plan: Callable[[], FloorPlan], simulation: SimulationConfig, agent: str) -> None:
     from layoutexplore.benchmark.counterfactual import CounterfactualRollouts
     from layoutexplore.benchmark.rows import prepare
     from layoutexplore.simulation.episode import play
 
-    play(*prepare(plan, simulation, agent), probe=CounterfactualRollouts)
+    play(*prepare(plan(), simulation, agent), probe=CounterfactualRollouts)
 
 
-def _predict(plan: FloorPlan, name: str) -> None:
+def _predict(name: str) -> None:
+    from layoutexplore.benchmark.plans import warm_up_plan
     from layoutexplore.predictors import make_room_predictor
     from layoutexplore.simulation.config import SimulationConfig
     from layoutexplore.simulation.simulation import Simulation
 
     predictor = make_room_predictor(name)
-    decision = Simulation(plan, SimulationConfig(), predictor).reset(seed=0)
+    decision = Simulation(warm_up_plan(), SimulationConfig(), predictor).reset(seed=0)
     if decision.frontiers:
         predictor.rooms(decision)
 
 
-def _step(plan: FloorPlan, environment: str) -> None:
+def _step(environment: str) -> None:
     import gymnasium
 
-    env = gymnasium.make(f"LayoutExplore/{environment}-v0", plan=plan)
+    from layoutexplore.benchmark.plans import warm_up_plan
+
+    env = gymnasium.make(f"LayoutExplore/{environment}-v0", plan=warm_up_plan())
     env.reset(seed=0)
     for _ in range(3):
         _, _, terminated, truncated, _ = env.step(env.action_space.sample())
         if terminated or truncated:  # a tiny plan may be seen at once
             env.reset()
+
+
+def record() -> None:
+    """Make the list of kernels anew, of this program: an import of this module and a call of it."""
+    from pathlib import Path
+
+    from layoutexplore.processes import kernel_list
+    from layoutexplore.processes.kernel_recording import record_kernels
+
+    text = record_kernels(list(_steps()), _do_step)
+    Path(kernel_list.__file__).with_name(kernel_list.FILE).write_text(text, encoding="utf-8")

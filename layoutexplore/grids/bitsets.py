@@ -32,7 +32,7 @@ def ones(word: np.uint64) -> int:
     return int(np.int64((word * _BYTES) >> np.uint64(56)))
 
 
-@njit("Tuple((uint64[:,::1], uint64[:,::1]))(int64[::1], int64, int64, int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def set_bits(cells: Ints, rows: int, cols: int, slack: int) -> tuple[Words, Words]:
     """Cells and those at most `slack` beside them, as bits.
 
@@ -77,7 +77,7 @@ def count_bits(words: Words, row: int, length: int, begin: int, end: int) -> int
     return n
 
 
-@njit("int64[::1](uint8[::1], uint64[::1], int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _true_cells(cells: Bytes, words: Words, total: int) -> Ints:
     """Indices of the `total` cells that are 1; `words` are the same cells, eight a word, but the last few."""
     out = np.empty(total + 1, np.int64)  # one place more: a cell is written before it is known to be true

@@ -14,7 +14,7 @@ from layoutexplore.grids.bitsets import true_cells
 Row: TypeAlias = NDArray[np.integer[Any]]
 
 
-@njit("void(int32[:,::1], boolean[:,::1], int64[::1])", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _grow(labels: Ints32, mask: Mask, bare: Ints) -> None:
     """Spread labels in place; `bare` are the cells of the mask without one."""
     rows, cols = mask.shape

@@ -146,7 +146,7 @@ def _from_lowest(corners: Ints32, starts: Ints) -> tuple[Ints32, Ints]:
     return turned[:n], sizes
 
 
-@njit("boolean(int32[:], int32[:])", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _before(a: Ints32, b: Ints32) -> bool:
     """Whether a corner comes before another in raster order."""
     return bool(a[0] < b[0] or (a[0] == b[0] and a[1] < b[1]))
@@ -169,14 +169,14 @@ def cut_where_touching(ring: list[list[Any]]) -> list[list[list[Any]]]:
     return [*rings, path]
 
 
-@njit("int32(int32[:,::1], int64, int64)", cache=True, nogil=True, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 def _at(labels: Ints32, r: int, c: int) -> int:
     if r < 0 or c < 0 or r >= labels.shape[0] or c >= labels.shape[1]:
         return 0
     return int(labels[r, c])
 
 
-@njit("int32(int32[:,::1], int64, int64, int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _left(labels: Ints32, r: int, c: int, d: int) -> int:
     """Label on the left of the side that leaves corner (r, c) in direction d."""
     if d == 0:
@@ -188,7 +188,7 @@ def _left(labels: Ints32, r: int, c: int, d: int) -> int:
     return _at(labels, r - 1, c)
 
 
-@njit("int32(int32[:,::1], int64, int64, int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _right(labels: Ints32, r: int, c: int, d: int) -> int:
     return _left(labels, r + _STEP_R[d], c + _STEP_C[d], (d + 2) % 4)
 
@@ -259,7 +259,7 @@ def _trace(labels: Ints32, ends: Ints) -> tuple[Ints32, Ints, Ints32, Mask]:
     return corners[: starts[k]], starts[: k + 1], owners[:k], touching[:k]
 
 
-@njit("boolean[:,::1](int32[:,::1])", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _ends(labels: Ints32) -> Mask:
     """Labelled cells with another label above or below them, or nothing."""
     rows, cols = labels.shape

@@ -155,7 +155,7 @@ def _turn_back(labels: NDArray[Any], angle: float, rows: int, cols: int, out: ND
                 out[y, x] = labels[i, j]
 
 
-@njit("boolean[:,::1](int8[:,::1])", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _surfaces(cells: Cells) -> Mask:
     """`surfaces` of contiguous cells, in two passes a row that the compiler takes many cells at once."""
     rows, cols = cells.shape

@@ -24,7 +24,7 @@ def test_every_method_and_sensor_is_warmed_up() -> None:
 def test_a_map_with_ragged_walls_is_among_them() -> None:
     step = dict(warm_up_steps())["ragged walls"]
     assert isinstance(step, partial)
-    grid = step.args[0]
+    grid = step.keywords["of"]()
     assert is_ragged(grid.cells, grid.resolution)
     assert "borders" not in " ".join(step().warnings)
 

@@ -52,7 +52,7 @@ def canny_edges(mask: Mask, low: int, high: int) -> Mask:
     return np.asarray(edges[1:-1, 1:-1] == 2)
 
 
-@njit("uint8[:,::1](int16[:,::1], int16[:,::1], int32[:,::1], int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _ridges(across: Gradients, up: Gradients, strength: Ints32, low: int) -> Bytes:
     """1 for the cells whose strength is above `low` and the largest along their gradient, else 0.
 
@@ -81,7 +81,7 @@ def _ridges(across: Gradients, up: Gradients, strength: Ints32, low: int) -> Byt
     return out
 
 
-@njit("void(uint8[:,::1], int32[:,::1], int64[::1], int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _keep_strong(edges: Bytes, strength: Ints32, ridges: Ints, high: int) -> None:
     """Turn the 1s, at the flat indices `ridges`, into 2s where they hang together with one above `high`."""
     cols = edges.shape[1]

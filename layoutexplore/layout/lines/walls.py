@@ -59,11 +59,7 @@ def find_walls(segments: AlignedSegments, gap: float) -> WallGroups:
     )
 
 
-@njit(
-    "int64[::1](int64[::1], float64[::1], float64[::1], float64[::1], float64[::1], float64, float64)",
-    cache=True,
-    nogil=True,
-)
+@njit(cache=True, nogil=True)
 def _chains(
     order: Ints, key: Floats, offset: Floats, start: Floats, end: Floats, gap: float, gap_squared: float
 ) -> Ints:
@@ -91,7 +87,7 @@ def merge_walls(segments: AlignedSegments, walls: WallGroups, distance: float) -
     return summarise(segments, _lines_of_walls(heaviest, by_key, key[by_key], distance)[walls.group])
 
 
-@njit("int64[::1](int64[::1], int64[::1], float64[::1], float64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _lines_of_walls(heaviest: Ints, by_key: Ints, key: Floats, distance: float) -> Ints:
     """Line of each wall; `heaviest` sorts the walls by falling length, `by_key` by the rising `key`."""
     count = len(heaviest)

@@ -59,7 +59,7 @@ def _step_along(here: Floats32, lead: int, blocks: int) -> None:
         here[c] = before = _less(before + _STRAIGHT, here[c])
 
 
-@njit("float32[:,::1](int32[:,::1], int64, int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def run_distances(runs: Ints32, rows: int, cols: int) -> Floats32:
     """Distances of the open cells of a grid to the nearest closed one; what lies outside is closed.
 
@@ -89,7 +89,7 @@ def run_distances(runs: Ints32, rows: int, cols: int) -> Floats32:
     return far
 
 
-@njit("float32[:,::1](float32[:,::1])", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _to_edges(far: Floats32) -> Floats32:
     """Distances to the edges of closed cells, in cells: half a cell less than those to their centres."""
     rows, cols = far.shape[0] - 2 * BORDER, far.shape[1] - 2 * BORDER

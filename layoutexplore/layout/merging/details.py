@@ -177,7 +177,7 @@ def faces_of_labels(grid: OccupancyGrid, model: WallModel, labels: Ints32, confi
     return FaceDetails(model, faces, np.where(faces.kind > 0, room, 0) - 1, grid.origin, rooms - 1)
 
 
-@njit("int64[::1](int32[:,::1], int32[:,::1], int64, int64, float64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _owners(painted: Ints32, labels: Ints32, count: int, rooms: int, least: float) -> Ints:
     """The commonest label of each cell of the arrangement; 0 where less than `least` of it is labelled."""
     # column 0 counts cells without a label: a cell of the arrangement outside of all rooms has no owner

@@ -18,11 +18,7 @@ from layoutexplore.grids.components import join, root_of
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE, RegionGraph
 
 
-@njit(
-    "float64[:,::1](float64[:,::1], int32[:,::1], float64[:,::1], float64[:,::1], float64)",
-    cache=True,
-    nogil=True,
-)
+@njit(cache=True, nogil=True)
 def _split(nodes: Floats, ends: Ints32, edges: Floats, rooms: Floats, share: float) -> Floats:
     """The table of rooms (k + 1, parts + 1), a column for each part that wide passes hold together."""
     count = len(nodes)

@@ -290,7 +290,7 @@ def _meet_regions(runs: Ints32, regions: Ints32, cells: Cells, count: int) -> tu
     return order[:n], free
 
 
-@njit("int32[:,::1](int32[:,::1], int32[::1], int8[:,::1], float64, float64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _number_large(regions: Ints32, into: Ints32, cells: Cells, cell_area: float, room_area: float) -> Ints32:
     """Turn regions into rooms in place, without the small ones, numbered in raster order.
 

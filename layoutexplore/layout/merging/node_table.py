@@ -9,7 +9,7 @@ from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.layout.merging.graph_tables import NODE
 
 
-@njit("boolean[:,::1](int32[:,::1], boolean[:,::1])", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def label_changes(spread: Ints32, wall: Mask) -> Mask:
     """Cells whose right or upper neighbour belongs elsewhere; a region ends where it was spread into walls.
 

@@ -147,7 +147,7 @@ def _fill(
     return n
 
 
-@njit("int32[:,::1](float32[:,::1], int32[:,::1], float64, int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _flood(far: Floats32, runs: Ints32, share: float, wide: int) -> Ints32:
     """Basins of distances with a `BORDER`, flooded from the highest down, in `STEPS` a cell.
 

@@ -67,7 +67,7 @@ def _nearest(
     return best
 
 
-@njit("int64[:,::1](int32[:,::1], int32[:,::1], uint8[:,::1])", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _basis_points(points: Ints32, walls: Ints32, distance: Bytes) -> Ints:
     """Indices (n, 2) of each point's two basis points, -1 for none; the second depends on the first."""
     size = distance.shape
@@ -81,11 +81,7 @@ def _basis_points(points: Ints32, walls: Ints32, distance: Bytes) -> Ints:
     return out
 
 
-@njit(
-    "boolean[::1](int32[:,::1], float64[::1], float64[::1], float64[::1], int64, int64)",
-    cache=True,
-    nogil=True,
-)
+@njit(cache=True, nogil=True)
 def _beaten(points: Ints32, angle: Floats, length: Floats, radius: Floats, rows: int, cols: int) -> Mask:
     """Points with a rival within their radius whose angle is wider, or as wide and whose line is shorter.
 

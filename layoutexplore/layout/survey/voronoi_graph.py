@@ -79,7 +79,7 @@ def _circumcentres(corners: Floats) -> Floats:
     return np.stack((a[:, 1] + (bx * c - cx * b) * scale, a[:, 0] + (cy * b - by * c) * scale), axis=1)
 
 
-@njit("void(float64[:,::1], uint8[:,::1], uint8[:,::1])", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _draw_edges(edges: Floats, inner: Bytes, graph: Bytes) -> None:
     """Draw edges with both ends inside, lines of 8-connected cells, into a graph with a border of a cell."""
     rows, cols = inner.shape
@@ -111,7 +111,7 @@ def _degree(graph: Bytes, r: int, c: int) -> int:
     return int(count - graph[r, c])
 
 
-@njit("void(uint8[:,::1], int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _prune(graph: Bytes, passes: int) -> None:
     """Delete ends of spurs in raster order, pass by pass, up to nodes (cells of three neighbours or more)."""
     rows, cols = graph.shape
@@ -168,7 +168,7 @@ def _take_neighbourhood(left: Bytes, members: Ints32, r: int, c: int, wanted: in
     return n
 
 
-@njit("int32[:,::1](uint8[:,::1], uint8[:,::1], int64, int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _critical_points(graph: Bytes, distance: Bytes, neighbourhood: int, iterations: int) -> Ints32:
     """`critical_points` of contiguous arrays."""
     rows, cols = graph.shape

@@ -82,7 +82,7 @@ def best_cut(tree: MergeTree, odds: Floats) -> Ints32:
     return _cut(tree.children, tree.parent, tree.regions, odds)
 
 
-@njit("int32[::1](int32[:,::1], int32[::1], int64, float64[::1])", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _cut(children: Ints32, parent: Ints32, regions: int, odds: Floats) -> Ints32:
     """`best_cut` of the arrays of a tree."""
     n = len(parent)

@@ -56,7 +56,7 @@ class WallExtents(NamedTuple):
     box: Ints
 
 
-@njit("Tuple((int64[:,::1], int64[:,::1]))(int64[::1], int64, int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _extents(walls: Ints, rows: int, cols: int) -> tuple[Ints, Ints]:
     """First cell, last cell and number of the walls' cells: int64 (rows, 3) and (cols, 3)."""
     of_row, of_col = np.zeros((rows, 3), np.int64), np.zeros((cols, 3), np.int64)

@@ -34,7 +34,7 @@ def is_ragged(cells: Cells, resolution: float) -> bool:
     return straight_share(cells, resolution) < RAGGED
 
 
-@njit("int64(int64[::1], int64, int64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _in_runs(cells: Ints, cols: int, length: int) -> int:
     """How many cells lie in a run of at least `length` of them along their row or column.
 

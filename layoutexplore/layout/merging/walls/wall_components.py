@@ -15,7 +15,7 @@ MOST_STEPS = 100
 """Obstacles are grown by no more cells."""
 
 
-@njit("boolean[:,::1](uint8[:,::1], boolean[:,::1], float64, float64, float64)", cache=True, nogil=True)
+@njit(cache=True, nogil=True)
 def _structural(near: Bytes, occupied: Mask, resolution: float, area: float, length: float) -> Mask:
     """The cells of the components of `near`, over eight neighbours, that are large or long enough."""
     runs = find_runs(near, np.uint8(0))
