@@ -23,7 +23,8 @@ from layoutexplore.processes.pools import start_pool, stop_pool
 FILE = "kernels.json"
 
 _PLAIN = (types.Number, types.Boolean)
-_tuple_of: Any = types.BaseTuple.from_types
+_NAMED: Any = types.BaseNamedTuple
+_TUPLE: Any = types.BaseTuple
 
 Told = Callable[[int, int], object]
 """Is told how many kernels of how many have been compiled."""
@@ -132,10 +133,10 @@ def spelled(kind: Any) -> Any:
     """
     if isinstance(kind, types.Array) and kind.aligned and isinstance(kind.dtype, _PLAIN):
         return f"{kind.dtype} {kind.ndim}{kind.layout}{'' if kind.mutable else '!'}"
-    if isinstance(kind, types.BaseNamedTuple):
+    if isinstance(kind, _NAMED):
         of = kind.instance_class
         return {f"{of.__module__}:{of.__qualname__}": [spelled(part) for part in kind.types]}
-    if isinstance(kind, types.BaseTuple):
+    if isinstance(kind, _TUPLE):
         return [spelled(part) for part in kind.types]
     if isinstance(kind, _PLAIN) and not isinstance(kind, types.Literal):
         return str(kind)
@@ -145,10 +146,10 @@ def spelled(kind: Any) -> Any:
 def meant(text: Any) -> Any:
     """The type that `spelled` made a text of."""
     if isinstance(text, list):
-        return _tuple_of([meant(part) for part in text])
+        return _TUPLE.from_types([meant(part) for part in text])
     if isinstance(text, dict):
         [(name, parts)] = text.items()
-        return _tuple_of([meant(part) for part in parts], _named(name))
+        return _TUPLE.from_types([meant(part) for part in parts], _named(name))
     name, _, shape = text.partition(" ")
     number = from_dtype(np.dtype(name))
     return types.Array(number, int(shape[0]), shape[1], readonly=shape.endswith("!")) if shape else number
