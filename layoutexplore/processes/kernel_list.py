@@ -54,7 +54,7 @@ def compile_kernels(kernels: Sequence[Kernel], jobs: int, told: Told = lambda do
         return
     try:
         pool = start_pool(min(jobs, len(kernels)), int)
-    except (BrokenProcessPool, OSError, EOFError):
+    except (BrokenProcessPool, OSError, EOFError, AssertionError):  # the last in a multiprocessing.Pool
         return
     try:
         for done, future in enumerate(as_completed([pool.submit(_compile, k) for k in kernels]), 1):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from numba import types
 
 from layoutexplore.cli.warm_up import warm_up_steps
 from layoutexplore.grids.grid import Pose
+from layoutexplore.processes import kernel_list
 from layoutexplore.processes.kernel_list import is_kept, listed_kernels, meant, resolved, spelled
 
 AGAIN = "made anew by: from layoutexplore.cli.warm_up import record; record()"
@@ -94,7 +96,20 @@ compile_kernels([], 2, print)
     assert told == [f"{done} {total}" for done in (*range(1, total + 1), total)]
 
 
-def test_a_list_that_is_older_than_the_program_does_no_harm(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("error", [OSError, EOFError, BrokenProcessPool, AssertionError])
+def test_without_workers_nothing_is_compiled_before(
+    error: type[Exception], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def start_pool(*arguments: object) -> None:
+        raise error
+
+    monkeypatch.setattr(kernel_list, "start_pool", start_pool)
+    told: list[int] = []
+    kernel_list.compile_kernels(listed_kernels(["agent nearest"]), 2, lambda done, total: told.append(done))
+    assert not told
+
+
+def test_a_list_that_is_older_than_the_program_does_no_harm() -> None:
     [kernel, *_] = listed_kernels(["agent nearest"])
     gone: list[Any] = [
         kernel._replace(name="layoutexplore.grids.rays:gone"),
