@@ -13,7 +13,7 @@ import torch
 from layoutexplore.agents.rl.card import PolicySpec, read_spec
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.errors import ResultsError, checks_arguments
-from layoutexplore.files import atomic, to_toml, write_atomically
+from layoutexplore.files import to_toml, write_atomically
 from layoutexplore.files.tensors import read_tensors
 
 
@@ -32,8 +32,8 @@ def save_policy(
 def save_tensors(path: Path, tensors: Mapping[str, torch.Tensor], metadata: dict[str, str]) -> None:
     """A safetensors file, written beside its place and then moved there."""
     plain = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
-    with atomic(path) as temporary:
-        safetensors.torch.save_file(plain, temporary, metadata=metadata)
+    # Not `save_file`: what that makes nobody but its owner may read.
+    write_atomically(path, safetensors.torch.save(plain, metadata=metadata))
 
 
 @checks_arguments

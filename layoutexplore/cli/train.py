@@ -168,10 +168,12 @@ def _curve(out: Path) -> str:
 def _run(settings: TrainingConfig, out: Path, device: str, resume: bool, line: ProgressLine) -> None:
     from layoutexplore.agents.rl.tour_search.search import SearchRun
     from layoutexplore.agents.rl.training import Run
+    from layoutexplore.files.locking import held
 
     make: Callable[..., TrainingRun] = SearchRun if settings.search else Run
-    run = make(settings, out, device=device, resume=resume, watcher=_Watcher(line))
-    run.train()
+    with held(out, "training"):
+        run = make(settings, out, device=device, resume=resume, watcher=_Watcher(line))
+        run.train()
     if run.stopping:
         line.say_plain(f"stopped after {run.steps} steps; to go on: layoutexplore train --out {out} --resume")
     elif settings.chooses_frontiers:

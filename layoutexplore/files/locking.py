@@ -18,7 +18,7 @@ LOCK = ".lock"
 @contextlib.contextmanager
 @checks_arguments
 def held(path: str | os.PathLike[str], what: str) -> Iterator[None]:
-    """Hold a folder for one process; it is made where there is none.
+    """Hold a folder for one process; it is made where there is none, and goes again if it stays empty.
 
     Args:
         path: The folder.
@@ -31,6 +31,7 @@ def held(path: str | os.PathLike[str], what: str) -> Iterator[None]:
     lock = path / LOCK
     holding = FileLock(lock, timeout=0)
     try:
+        made = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
         holding.acquire()
     except Timeout as error:
@@ -47,3 +48,6 @@ def held(path: str | os.PathLike[str], what: str) -> Iterator[None]:
         with contextlib.suppress(OSError):  # Windows removes no file that is open: releasing it does
             lock.unlink(missing_ok=True)
         holding.release()
+        with contextlib.suppress(OSError):  # what is not empty stays
+            for folder in made:
+                folder.rmdir()

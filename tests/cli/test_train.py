@@ -11,6 +11,7 @@ pytest.importorskip("tensorboard")
 
 from layoutexplore.agents.rl.hyperparameters import read_config
 from layoutexplore.files import to_toml
+from layoutexplore.files.locking import LOCK, held
 from tests.agents.rl.cases import SMALL_SEARCH, write_config
 from tests.cli.test_cli import run as run_cli
 
@@ -72,6 +73,24 @@ def test_what_cannot_be(
     assert run_cli(monkeypatch, "train", *arguments, "--out", str(tmp_path / "run")) == 2
     assert message in capsys.readouterr().err
     assert not (tmp_path / "run").exists()
+
+
+def test_two_trainings_do_not_write_into_one_folder_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each would append its explorations to the other's: none could go on from them."""
+    (tmp_path / "small.toml").write_text(to_toml({**SMALL_SEARCH, "steps": 4}))
+    out = tmp_path / "run"
+    assert run_cli(monkeypatch, "train", str(tmp_path / "small.toml"), "--out", str(out)) == 0
+    before = {path: path.read_bytes() for path in out.iterdir() if path.is_file()}
+    going_on = ("train", "--out", str(out), "--resume", "--steps", "8")
+    with held(out, "training"):
+        assert run_cli(monkeypatch, *going_on) == 2
+        assert "another training is writing into" in capsys.readouterr().err
+        found = {path: path.read_bytes() for path in out.iterdir() if path.is_file() and path.name != LOCK}
+        assert found == before
+    assert run_cli(monkeypatch, *going_on) == 0
+    assert not (out / LOCK).exists()
 
 
 def test_a_search_from_the_command_line(

@@ -31,6 +31,12 @@ def test_saved_and_loaded_bit_by_bit(saved: Path) -> None:
         assert torch.equal(actor(observations([3, 7])), random_actor()(observations([3, 7])))
 
 
+def test_whoever_may_read_the_folder_may_read_a_policy(tmp_path: Path) -> None:
+    (tmp_path / "other").write_text("")
+    save_policy(tmp_path / "a.safetensors", random_actor().state_dict(), {"policy": spec().as_table()})
+    assert len({path.stat().st_mode for path in tmp_path.iterdir()}) == 1
+
+
 def test_a_whole_number_is_a_weight() -> None:
     whole = dataclasses.replace(spec(), network=dataclasses.replace(spec().network, tour_weight=1))
     assert Actor(whole).tour_weight.dtype == torch.float32
@@ -46,11 +52,11 @@ def test_the_card_beside_it_is_the_one_inside(saved: Path) -> None:
 def test_a_kill_while_writing_leaves_the_old_file(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = saved.read_bytes()
 
-    def killed(tensors: object, path: Path, metadata: object) -> None:
-        Path(path).write_bytes(b"half of it")
+    def killed(path: Path, data: bytes) -> None:
+        path.write_text("half of it")
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("safetensors.torch.save_file", killed)
+    monkeypatch.setattr(Path, "write_bytes", killed)
     with pytest.raises(KeyboardInterrupt):
         save_policy(saved, random_actor(seed=1).state_dict(), {"policy": spec().as_table()})
     assert saved.read_bytes() == before
