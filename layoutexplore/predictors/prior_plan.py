@@ -207,8 +207,15 @@ class ForeseenRooms(RoomsOnGrid):
     @cached_property
     def rooms(self) -> RoomLabels:
         """Seen rooms as the shipped predictor has them, unseen cells as the plan shows them."""
-        assert self._shipped.rooms is not None
-        ids: Ints32 = self._shipped.rooms.labels
+        return self._beside_foreseen("labels")
+
+    @cached_property
+    def sketch(self) -> Ints32:
+        """The same beside a sketch of the shipped predictor: nothing is completed for it."""
+        return self._beside_foreseen("sketch").room_ids
+
+    def _beside_foreseen(self, name: str) -> RoomLabels:
+        ids: Ints32 = getattr(self._shipped.rooms, name)
         cells = self._shipped.grid.cells
         return _joined(RoomLabels(ids, (cells == FREE) | (ids > 0)), self._foreseen, self._shipped)
 

@@ -15,7 +15,7 @@ from layoutexplore.grids.grid import FREE, UNKNOWN
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.library import load_plan
 from layoutexplore.predictors import make_predictor
-from layoutexplore.predictors.learned import LearnedPredictor
+from layoutexplore.predictors.learned import LearnedPredictor, LearnedRooms
 from layoutexplore.predictors.prior_plan import SURE, PriorPredictor, owners_of, predictor_of_prior
 from layoutexplore.priors.plan import PriorHints, prior_of_plan
 from layoutexplore.priors.registration import Registration
@@ -48,6 +48,21 @@ def test_a_sure_plan_is_foreseen_and_what_was_seen_wins() -> None:
     labels, passable = decision.rooms.labels, decision.rooms.labels > 0
     assert labels.shape == decision.grid.shape and passable.any()
     assert decision.table.closed.all() and (decision.table.expected_area >= 0).all()
+
+
+def test_a_sketch_shows_what_is_foreseen_and_completes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    decision = decisions(predictor_of_prior("true;sure=0"))[-1]
+    foreseen, rooms = decision.foresight, decision.rooms
+    assert foreseen is not None and rooms is not None
+    completed = rooms.labels
+    with monkeypatch.context() as patched:
+        patched.setattr(LearnedRooms, "rooms", property(lambda _: pytest.fail("rooms were completed")))
+        fresh = decisions(predictor_of_prior("true;sure=0"))[-1].rooms
+        assert fresh is not None
+        sketch = fresh.sketch
+    shown = (decision.grid.cells == UNKNOWN) & (foreseen.cells != UNKNOWN)
+    assert sketch.shape == completed.shape and (sketch[shown] > 0).any()
+    np.testing.assert_array_equal(sketch[shown] > 0, completed[shown] > 0)
 
 
 @pytest.mark.parametrize("kind", ["empty", "true;sure=1"])
