@@ -154,7 +154,7 @@ def run_benchmark(
         make_agent(config.baseline)
     models = fingerprints(config.agents)  # An unknown name or parameter is better told now than in every run.
     code = pack_own_code(registered=_apart(config, jobs, cluster))
-    plans = _loaded(config, 1 if cluster else jobs, watcher)
+    plans = _loaded(config, 1 if cluster else jobs, bool(models), watcher)
     with locked(out):
         folder = open_results(out, config, plans, models, force=force, extend=extend, command=command)
         manifest = folder.manifest()
@@ -320,15 +320,20 @@ def _beyond_memory(config: BenchmarkConfig, taken: float) -> str:
     )
 
 
-def _loaded(config: BenchmarkConfig, jobs: int, watcher: BenchmarkWatcher) -> list[PlanEntry]:
+def _loaded(config: BenchmarkConfig, jobs: int, predicts: bool, watcher: BenchmarkWatcher) -> list[PlanEntry]:
     """The floor plans; what reads and explores them is compiled before, if several processes can."""
     sources = find_plans(config.plans)
     count = len(sources) * config.starts * len(config.sensors) * len(config.agents)
     if count > MOST_RUNS:
         raise ConfigError(f"{count} runs are more than {MOST_RUNS}: give fewer plans, starts or agents")
     if jobs > 1:
-        uses = (*(f"agent {name}" for name in config.agents), *(f"sensor {name}" for name in config.sensors))
-        if missing := missing_kernels((*uses, "a whole exploration")):
+        agents = (name.partition(":")[0] for name in config.agents)
+        uses = {
+            "a floor plan",
+            *(f"agent {name}" for name in agents),
+            *(f"sensor {s}" for s in config.sensors),
+        }
+        if missing := missing_kernels(uses | ({"a whole exploration"} if predicts else set())):
             watcher.say(f"compiling {counted(len(missing), 'kernel')}, which are kept for the next time")
             compile_kernels(missing, jobs, watcher.compiled)
     watcher.say(f"reading {counted(len(sources), 'floor plan')}")

@@ -75,6 +75,7 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
     from layoutexplore.simulation.config import SimulationConfig
     from layoutexplore.simulation.robot import OdometryNoise
 
+    yield "a floor plan", _map
     for agent in (*QUICK_AGENTS, *OTHER_AGENTS):
         yield f"agent {agent}", partial(_explore, warm_up_plan, SimulationConfig(), agent)
     noise = OdometryNoise(translation=0.02, rotation=0.01)
