@@ -145,6 +145,9 @@ SHARE = Rule(low=0.0, high=1.0)
 FLAG = Rule(kind=bool)
 NATURAL = Rule(kind=int, low=0)
 SEED = NATURAL
+KEPT_SEED = Rule(kind=int, low=0, high=9e18)
+"""Of what is written into files: no number there has more than 64 bits."""
+
 JOBS = Rule(kind=int, low=1, high=1024)
 
 

@@ -16,7 +16,7 @@ import layoutexplore
 from layoutexplore.agents import AGENTS
 from layoutexplore.errors import ConfigError, checks_arguments, checks_calls, shortened, unknown_name
 from layoutexplore.files import read_toml
-from layoutexplore.options import COUNT, FLAG, SEED, Rule, check, check_keys, check_kind, from_table
+from layoutexplore.options import COUNT, FLAG, KEPT_SEED, Rule, check, check_keys, check_kind, from_table
 from layoutexplore.sensing.lidar import SENSORS, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise
@@ -122,7 +122,8 @@ class BenchmarkConfig:
         for name in self.again:
             if name not in self.agents:
                 raise unknown_name("agent of this benchmark", str(name), self.agents)
-        check(self, starts=STARTS, seed=SEED, explain=FLAG, tries=COUNT, cell_seconds=LIMIT, cell_mb=LIMIT)
+        check(self, starts=STARTS, seed=KEPT_SEED, explain=FLAG, tries=COUNT)
+        check(self, cell_seconds=LIMIT, cell_mb=LIMIT)
         object.__setattr__(self, "poses", _poses_of(self.poses, self.starts))
         for name in self.sensors:
             if name not in self.lidars and name not in SENSORS:

@@ -139,10 +139,13 @@ def explore(
     from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.files import check_places
     from layoutexplore.files.locking import held
+    from layoutexplore.options import KEPT_SEED
     from layoutexplore.simulation.episode import play
     from layoutexplore.simulation.saved_run import read_saved_run
 
     check_places(out, save_state, file="--save-state")
+    if save_state:
+        KEPT_SEED.convert("--seed", seed)
     check_run_files([plan] if prior is None else [plan, prior], out, save_state)
     console = plain_console()
     saved = read_saved_run(saved_state) if saved_state else None

@@ -32,7 +32,7 @@ from layoutexplore.grids.arrays import Ints32, shows_shapes
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import load_plan
-from layoutexplore.options import check_kind, from_table
+from layoutexplore.options import KEPT_SEED, check_kind, from_table
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise
@@ -163,7 +163,8 @@ def save_simulation(
         notes: Texts and numbers to be kept with it.
 
     Raises:
-        ConfigError: The simulation has not been reset, or its robot has returned to the start.
+        ConfigError: The simulation has not been reset, its robot has returned to the start, or its seed has
+            more than 64 bits.
         WriteError: The file cannot be written.
     """
     check_kind("simulation", simulation, Simulation)
@@ -176,7 +177,7 @@ def save_simulation(
         "plan": simulation.plan.name,
         "content_hash": simulation.plan.content_hash,
         "raster_hash": simulation.plan.raster_hash,
-        "seed": state.seed,
+        "seed": KEPT_SEED.convert("the seed of a run that is saved", state.seed),
         "start": state.start,
         "config": simulation.config.as_table(),
         "notes": notes or {},
