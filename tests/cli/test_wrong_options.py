@@ -17,7 +17,7 @@ WRONG: dict[str, str] = {
     "benchmark --plans apartment-01 --cell-seconds inf": "cell_seconds must be a number from 0",
     "benchmark --plans apartment-01 --cell-mb nan": "cell_mb must be a number from 0",
     "benchmark --plans apartment-01 --agents nearset": "did you mean 'nearest'",
-    "benchmark --plans apartment-01 --seed 18446744073709551616": "seed must be a whole number from 0 to",
+    "benchmark --plans apartment-01 --seed 18446744073709551616": "seed must be a whole number from 0",
     "explore apartment-01 --save-state a.npz --seed 18446744073709551616": "--seed must be a whole",
     "maps import {file} --out a.geojson --robot-radius nan": "--robot-radius must be a number from 0 to 100",
     "maps import {file} --out a.geojson --column rom=x": "did you mean 'room'",

@@ -139,6 +139,9 @@ def test_what_is_no_saved_run_is_refused(tmp_path: Path) -> None:
     simulation = Simulation(offices(), CONFIGS["exact"])
     with pytest.raises(ConfigError, match="reset"):
         save_simulation(simulation, file)
+    simulation.reset(seed=2**64)
+    with pytest.raises(ConfigError, match="the seed of a run that is saved must be a whole number"):
+        save_simulation(simulation, file)
     simulation.reset(seed=0)
     simulation.step(0)
     save_simulation(simulation, file)
