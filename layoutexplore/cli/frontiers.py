@@ -160,24 +160,32 @@ def _print(found: dict[str, Any]) -> None:
     from layoutexplore.errors import counted
 
     console = plain_console()
-    table = Table(box=None, pad_edge=False)
-    for name in ("", "class", "sure", "m2 behind", "m2 in view", "m to go", "m long", "x", "y"):
-        table.add_column(name, justify="left" if name == "class" else "right")
+    rows = [("", "class", "sure", "m2 behind", "m2 in view", "m to go", "m long", "x", "y")]
     for k, row in enumerate(found["frontiers"]):
         judged = row["closed"] is not None
-        table.add_row(
-            f"{'>' if k == found['choice'] else ' '}{k:3}",
-            ("closed" if row["closed"] else "open") if judged else "",
-            f"{100 * row['confidence']:.0f} %" if judged else "",
-            f"{row['expected_area']:.1f}" if judged else "",
-            *(f"{row[name]:.1f}" for name in ("visible_area", "path_length", "size", "x", "y")),
+        rows.append(
+            (
+                f"{'>' if k == found['choice'] else ' '}{k:3}",
+                ("closed" if row["closed"] else "open") if judged else "",
+                f"{100 * row['confidence']:.0f} %" if judged else "",
+                f"{row['expected_area']:.1f}" if judged else "",
+                *(f"{row[name]:.1f}" for name in ("visible_area", "path_length", "size", "x", "y")),
+            )
         )
+    table, columns = Table(box=None, pad_edge=False), list(zip(*rows, strict=True))
+    widths = [max(map(len, column)) for column in columns]
+    if sum(widths) + 2 * len(widths) > console.width:  # headings are broken, what stands below them never is
+        widths = [max(map(len, (*name.split(), *values))) for name, *values in columns]
+    for (name, *_), width in zip(columns, widths, strict=True):
+        table.add_column(name, justify="left" if name == "class" else "right", width=width)
+    for line in rows[1:]:
+        table.add_row(*line)
     x, y, theta = found["pose"]
     left = counted(len(found["frontiers"]), "frontier")
     told = f"{found['map']}: {left} to look at from ({x:.2f}, {y:.2f}), heading {theta:.2f}"
     console.print(told, soft_wrap=True)
     if found["frontiers"]:
-        console.print(table)
+        plain_console(width=max(console.width, sum(widths) + 2 * len(widths))).print(table)
     goal = "goes to ({:.2f}, {:.2f})".format(*found["way"][-1]) if found["way"] else "stops"
     then = ", where it looks around and decides anew" if found["way"] and found["choice"] is None else ""
     console.print(f"{found['agent']} {goal}{then}")

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
+from rich.cells import cell_len
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn
@@ -25,10 +26,38 @@ def plain_console(**options: Any) -> Console:
     return Console(highlight=False, markup=False, emoji=False, **options)
 
 
-def print_table(table: Table, width: int) -> None:
-    """Print a table; where there is no terminal, so wide that none of its numbers is cut."""
+def print_table(table: Table, width: int, *, keys: int = 1) -> None:
+    """Print a table of texts so that none of its numbers is cut.
+
+    Where there is no terminal it is as wide as it has to be. A terminal that is too narrow shows the columns
+    in parts, one below the other.
+
+    Args:
+        table: The table.
+        width: Characters a line where there is no terminal.
+        keys: So many first columns tell the rows apart, and are shown in every part.
+    """
     console = plain_console()
-    (console if console.is_terminal else plain_console(width=width)).print(table)
+    if not console.is_terminal:
+        plain_console(width=width).print(table)
+        return
+    columns = [[str(column.header), *map(str, column.cells)] for column in table.columns]
+    wide = [2 + max(map(cell_len, column)) for column in columns]
+    parts: list[list[int]] = []
+    left = 0
+    for k in range(keys, len(columns)):
+        if not parts or wide[k] > left:
+            parts.append(list(range(keys)))
+            left = console.width - sum(wide[:keys])
+        parts[-1].append(k)
+        left -= wide[k]
+    for part in parts:
+        shown = Table(box=None)
+        for k in part:
+            shown.add_column(columns[k][0], overflow="fold")
+        for row in zip(*(columns[k][1:] for k in part), strict=True):
+            shown.add_row(*row)
+        console.print(shown)
 
 
 class ProgressLine:

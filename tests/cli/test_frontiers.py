@@ -36,6 +36,18 @@ def call(*words: str) -> str:
     return result.output
 
 
+@pytest.mark.parametrize("columns", [40, 60, 120])
+def test_no_number_of_the_table_is_cut(half_seen: tuple[Path, str], columns: int) -> None:
+    words = ["frontiers", half_seen[0].as_posix(), "--at", half_seen[1]]
+    shown = CliRunner(env={"COLUMNS": str(columns), "TERM": "dumb"}).invoke(app, words).output
+    frontiers = json.loads(call(*words[1:], "--json"))["frontiers"]
+    assert "…" not in shown
+    for row in frontiers:
+        numbers = [row[name] for name in ("expected_area", "visible_area", "path_length", "size", "x", "y")]
+        line = " ".join([f"{100 * row['confidence']:.0f} %", *(f"{number:.1f}" for number in numbers)])
+        assert ("closed " if row["closed"] else "open ") + line in " ".join(shown.split())
+
+
 def test_it_tells_what_is_open_and_where_to_go(half_seen: tuple[Path, str], tmp_path: Path) -> None:
     path, here = half_seen
     found = json.loads(call(str(path), "--at", here, "--out", str(tmp_path), "--json"))

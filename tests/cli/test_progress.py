@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 from rich.console import Console
+from rich.table import Table
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app, progress
-from layoutexplore.cli.progress import ProgressLine, plain_console
+from layoutexplore.cli.progress import ProgressLine, plain_console, print_table
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.plans import TWO_ROOMS
@@ -69,3 +70,25 @@ def test_the_table_of_a_benchmark_fits_a_narrow_terminal(tmp_path: Path) -> None
         table = printed[printed.index("metres /") :].split("\n2 runs, ")[0].splitlines()
         assert max(map(len, table)) <= columns
         assert "cost-utility" in "\n".join(table) and any(line.endswith(last) for line in table)
+
+
+@pytest.mark.parametrize(("columns", "parts"), [(32, 6), (60, 2), (200, 1)])
+def test_a_narrow_terminal_shows_a_table_in_parts(
+    columns: int, parts: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, value in {
+        "COLUMNS": str(columns),
+        "LINES": "40",
+        "TTY_COMPATIBLE": "1",
+        "TERM": "dumb",
+    }.items():
+        monkeypatch.setenv(name, value)
+    heads = ["set", "method", *(f"measure {k}" for k in range(6))]
+    table = Table(*heads, box=None)
+    for row in ("a", "b"):
+        table.add_row("maps", f"method {row}", *(f"{k}{row}.123±4" for k in range(6)))
+    print_table(table, 300, keys=2)
+    shown = capsys.readouterr().out
+    assert "…" not in shown and all(len(line) <= columns for line in shown.splitlines())
+    assert all(f"{k}{row}.123±4" in shown for k in range(6) for row in "ab")
+    assert shown.count("method a") == parts

@@ -292,7 +292,7 @@ def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
             counts,
             f"{line['ms']:.0f}±{line['ms_std']:.0f}",
         )
-    print_table(table, 200)
+    print_table(table, 200, keys=2)
 
 
 def _print_spread(lines: Sequence[dict[str, Any]]) -> None:
