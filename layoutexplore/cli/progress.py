@@ -121,7 +121,9 @@ class ProgressLine:
             self._bar = Progress(*columns, console=self.console, transient=True)
             self._bar.start()
             self._bar.add_task("", total=1.0, count="", left="", note="")
-        left, note = f"{clock(elapsed)}  {left}", escape(note)
+        left = f"{clock(elapsed)}  {left}"
+        # On a narrow terminal the note is cut, then the bar, and never how far it is.
+        note = escape(note[: max(0, self.console.width - len(count + left) - 16)])
         self._bar.update(self._bar.task_ids[0], completed=share, count=count, left=left, note=note)
 
     def _left(self, now: float, share: float) -> str:

@@ -26,6 +26,15 @@ def test_the_end_is_told_once_however_often_it_is_reached() -> None:
     assert console.file.getvalue().count("10/10 steps") == 1
 
 
+@pytest.mark.parametrize("width", [40, 60, 100])
+def test_how_far_it_is_is_told_on_narrow_terminals(width: int) -> None:
+    console = Console(file=io.StringIO(), width=width, force_terminal=True, color_system=None)
+    with ProgressLine(console, "runs") as line:
+        line.advance(7, 12, 0.5, "apartment-01 stage layout-tour:predictor=rectangle")
+    assert isinstance(console.file, io.StringIO)
+    assert "7/12 runs" in console.file.getvalue()
+
+
 def test_names_that_look_like_markup_are_written_as_they_are() -> None:
     odd = "[red]a[/b] :smile:"
     for is_terminal in (False, True):
