@@ -160,9 +160,8 @@ def _print(found: dict[str, Any]) -> None:
     from layoutexplore.errors import counted
 
     console = plain_console()
-    rows: list[tuple[str, ...]] = [
-        ("", "class", "sure", "m2 behind", "m2 in view", "m to go", "m long", "x", "y")
-    ]
+    names = "", "class", "sure", "m2 behind", "m2 in view", "m to go", "m long", "x", "y"
+    rows: list[tuple[str, ...]] = [names]
     for k, row in enumerate(found["frontiers"]):
         judged = row["closed"] is not None
         rows.append(

@@ -276,7 +276,7 @@ def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
     from layoutexplore.cli.progress import print_table
     from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
 
-    columns = "set", "method", "maps", "buildings", *HEADINGS.values(), "interval", "segments/rooms", "ms"
+    columns = "set", "method", "maps", "buildings", *HEADINGS.values(), "1-1, 95 %", "segments/rooms", "ms"
     table = Table(*columns, box=None)
     for line in lines:
         values = [f"{100 * line[m]:.1f}±{100 * line[m + '_std']:.1f}" for m in MEASURES]
