@@ -65,7 +65,8 @@ def _calls(uses: Iterable[str], do: Callable[[str], object]) -> Calls:
         kernel = _kernel(dispatcher, _parts(signature)[0])
         if kernel is not None:
             calls.setdefault(kernel, set())
-            if callers and (caller := callers[-1]) is not None:
+            # What a function without a name of its own calls, its caller calls.
+            if (caller := next(filter(None, reversed(callers)), None)) is not None:
                 calls[caller].add(kernel)
         callers.append(kernel)
         try:
