@@ -320,22 +320,22 @@ def _beyond_memory(config: BenchmarkConfig, taken: float) -> str:
     )
 
 
+def uses_of(config: BenchmarkConfig, predicts: bool) -> set[str]:
+    """What a benchmark needs of what the list of kernels knows; own agents and sensors it does not know."""
+    uses = {"a floor plan", *(f"sensor {name}" for name in config.sensors)}
+    uses |= {f"agent {name.partition(':')[0]}" for name in config.agents}
+    return uses | {"a whole exploration"} if predicts else uses
+
+
 def _loaded(config: BenchmarkConfig, jobs: int, predicts: bool, watcher: BenchmarkWatcher) -> list[PlanEntry]:
     """The floor plans; what reads and explores them is compiled before, if several processes can."""
     sources = find_plans(config.plans)
     count = len(sources) * config.starts * len(config.sensors) * len(config.agents)
     if count > MOST_RUNS:
         raise ConfigError(f"{count} runs are more than {MOST_RUNS}: give fewer plans, starts or agents")
-    if jobs > 1:
-        agents = (name.partition(":")[0] for name in config.agents)
-        uses = {
-            "a floor plan",
-            *(f"agent {name}" for name in agents),
-            *(f"sensor {s}" for s in config.sensors),
-        }
-        if missing := missing_kernels(uses | ({"a whole exploration"} if predicts else set())):
-            watcher.say(f"compiling {counted(len(missing), 'kernel')}, which are kept for the next time")
-            compile_kernels(missing, jobs, watcher.compiled)
+    if jobs > 1 and (missing := missing_kernels(uses_of(config, predicts))):
+        watcher.say(f"compiling {counted(len(missing), 'kernel')}, which are kept for the next time")
+        compile_kernels(missing, jobs, watcher.compiled)
     watcher.say(f"reading {counted(len(sources), 'floor plan')}")
     plans = [entry(source, config.simulation) for source in sources]
     check_names(plans)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -218,11 +217,16 @@ def run_with_progress(
 ) -> Outcome:
     """Run what is missing, with a line that says how far it is."""
     from layoutexplore.benchmark.runner import BenchmarkProgress, BenchmarkWatcher, run_benchmark
-    from layoutexplore.cli.progress import ProgressLine, progress_lines
+    from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.processes import asked_to_stop, command_line, usable_cores
 
     try:
-        with ProgressLine(console, "runs") as line:
+        with ProgressLine(console, "runs") as line, ProgressLine(console, "kernels") as kernels:
+
+            def compiled(done: int, total: int) -> None:
+                kernels.advance(done, total, done / total)
+                if done == total:
+                    kernels.end()
 
             def advance(progress: BenchmarkProgress) -> None:
                 row = progress.row
@@ -238,7 +242,7 @@ def run_with_progress(
                 force=force,
                 extend=extend,
                 command=command_line(),
-                watcher=BenchmarkWatcher(line.say, advance, partial(progress_lines(), "kernels")),
+                watcher=BenchmarkWatcher(line.say, advance, compiled),
             )
     except KeyboardInterrupt:
         without = " without --again" if settings.again else ""

@@ -36,14 +36,16 @@ def warm_up_kernels() -> None:
     import time
 
     from layoutexplore.benchmark.pool import run_all
-    from layoutexplore.cli.progress import ProgressLine, plain_console, progress_lines
+    from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.processes import usable_cores
     from layoutexplore.processes.compilation import LISTENER
     from layoutexplore.processes.kernel_list import compile_kernels, missing_kernels
 
     LISTENER.is_silent = True  # the bar says it
     began, console, jobs = time.monotonic(), plain_console(), usable_cores()
-    compile_kernels(missing_kernels(_steps()), jobs, functools.partial(progress_lines(), "kernels"))
+    with ProgressLine(console, "kernels") as line:
+        missing = missing_kernels(_steps())
+        compile_kernels(missing, jobs, lambda done, total: line.advance(done, total, done / total))
     with ProgressLine(console, "steps") as line:
         results = run_all(_do_step, list(_steps()), jobs=min(jobs, MOST_JOBS), lost=_tell_of_lost)
         for done, name in enumerate(results, 1):

@@ -27,7 +27,7 @@ _NAMED: Any = types.BaseNamedTuple
 _TUPLE: Any = types.BaseTuple
 
 Told = Callable[[int, int], object]
-"""Is told how many kernels of how many have been compiled."""
+"""Is told how many kernels of how many have been compiled, or given up."""
 
 
 class Kernel(NamedTuple):
@@ -61,10 +61,9 @@ def compile_kernels(kernels: Sequence[Kernel], jobs: int, told: Told = lambda do
             future.result()
             told(done, len(kernels))
     except BrokenProcessPool:
-        pass
+        told(len(kernels), len(kernels))
     finally:
         stop_pool(pool)
-        told(len(kernels), len(kernels))
 
 
 def missing_kernels(uses: Iterable[str]) -> list[Kernel]:

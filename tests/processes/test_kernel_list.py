@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,6 +16,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import types
 
+from layoutexplore.benchmark.config import QUICK_AGENTS, BenchmarkConfig
+from layoutexplore.benchmark.runner import uses_of
 from layoutexplore.cli.warm_up import warm_up_steps
 from layoutexplore.grids.grid import Pose
 from layoutexplore.processes import kernel_list
@@ -51,6 +55,33 @@ def test_all_that_is_listed_is_there() -> None:
     for use in uses:
         assert listed_kernels([use]), f"{use} is not in the list: {AGAIN}"
     assert not listed_kernels(["flying"])
+
+
+@pytest.mark.parametrize("predicts", [False, True])
+def test_what_a_benchmark_asks_for_is_listed(predicts: bool) -> None:
+    names = [name for name, _ in warm_up_steps()]
+    config = BenchmarkConfig(plans=("apartment-01",), agents=(*QUICK_AGENTS, "layout-tour:rate=1"))
+    assert uses_of(config, predicts) <= set(names)
+    assert ("a whole exploration" in uses_of(config, predicts)) == predicts
+
+
+def test_a_worker_that_dies_ends_the_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Dying(Future[None]):
+        def result(self, timeout: float | None = None) -> None:
+            raise BrokenProcessPool
+
+    def submit(*arguments: object) -> Dying:
+        future = Dying()
+        future.set_result(None)
+        return future
+
+    monkeypatch.setattr(kernel_list, "start_pool", lambda *arguments: SimpleNamespace(submit=submit))
+    monkeypatch.setattr(kernel_list, "stop_pool", lambda pool: None)
+    told: list[tuple[int, int]] = []
+    kernel_list.compile_kernels(
+        listed_kernels(["a floor plan"]), 2, lambda done, total: told.append((done, total))
+    )
+    assert told == [(len(listed_kernels(["a floor plan"])),) * 2]
 
 
 def _run(code: str, **environment: str) -> list[str]:
@@ -91,7 +122,7 @@ compile_kernels([], 2, print)
     first, *told, last = _run(code, NUMBA_CACHE_DIR=str(tmp_path))
     total = int(first.split()[1])
     assert first == f"{total} {total}" and last == "0"
-    assert told == [f"{done} {total}" for done in (*range(1, total + 1), total)]
+    assert told == [f"{done} {total}" for done in range(1, total + 1)]
 
 
 @pytest.mark.parametrize("error", [OSError, EOFError, BrokenProcessPool, AssertionError])
