@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Any
 
@@ -26,23 +26,23 @@ def plain_console(**options: Any) -> Console:
     return Console(highlight=False, markup=False, emoji=False, **options)
 
 
-def print_table(table: Table, width: int, *, keys: int = 1) -> None:
+def print_table(headings: Sequence[str], rows: Sequence[Sequence[str]], *, keys: int = 1) -> None:
     """Print a table of texts so that none of its numbers is cut.
 
     Where there is no terminal it is as wide as it has to be. A terminal that is too narrow shows the columns
     in parts, one below the other.
 
     Args:
-        table: The table.
-        width: Characters a line where there is no terminal.
-        keys: So many first columns tell the rows apart, and are shown in every part.
+        headings: One a column.
+        rows: The texts of each row, as many as there are headings.
+        keys: So many first columns tell the rows apart, and are shown in every part; the others stand at the
+            right of their columns.
     """
+    columns = list(zip(headings, *rows, strict=True))
+    wide = [2 + max(map(cell_len, column)) for column in columns]
     console = plain_console()
     if not console.is_terminal:
-        plain_console(width=width).print(table)
-        return
-    columns = [[str(column.header), *map(str, column.cells)] for column in table.columns]
-    wide = [2 + max(map(cell_len, column)) for column in columns]
+        console = plain_console(width=sum(wide))
     parts: list[list[int]] = []
     left = 0
     for k in range(keys, len(columns)):
@@ -52,12 +52,12 @@ def print_table(table: Table, width: int, *, keys: int = 1) -> None:
         parts[-1].append(k)
         left -= wide[k]
     for part in parts:
-        shown = Table(box=None)
+        table = Table(box=None, pad_edge=False)
         for k in part:
-            shown.add_column(columns[k][0], overflow="fold")
-        for row in zip(*(columns[k][1:] for k in part), strict=True):
-            shown.add_row(*row)
-        console.print(shown)
+            table.add_column(headings[k], overflow="fold", justify="left" if k < keys else "right")
+        for row in rows:
+            table.add_row(*(row[k] for k in part))
+        console.print(table)
 
 
 class ProgressLine:

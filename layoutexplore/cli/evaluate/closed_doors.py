@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -142,9 +143,16 @@ def _learn_from(
 
 
 def _print(summary: Sequence[dict[str, Any]]) -> None:
-    wide = max(len(line["group"]) for line in summary)
-    typer.echo(f"\n{'':<{wide}}  {'method':<10}{'maps':>5}" + "".join(f"{column:>10}" for column in COLUMNS))
-    for line in summary:
-        shown = ("-" if line[column] != line[column] else f"{line[column]:.3f}" for column in COLUMNS)
-        values = "".join(f"{text:>10}" for text in shown)
-        typer.echo(f"{line['group']:<{wide}}  {line['method']:<10}{line['maps']:>5}{values}")
+    from layoutexplore.cli.progress import print_table
+
+    rows = [
+        [
+            line["group"],
+            line["method"],
+            str(line["maps"]),
+            *("-" if math.isnan(line[column]) else f"{line[column]:.3f}" for column in COLUMNS),
+        ]
+        for line in summary
+    ]
+    typer.echo("")
+    print_table(["group", "method", "maps", *COLUMNS], rows, keys=2)

@@ -121,18 +121,18 @@ def _believed(
 
 
 def _print(scores: Sequence[LoopScore]) -> None:
+    from layoutexplore.cli.progress import print_table
     from layoutexplore.report.templates import number, percent
 
-    heads = ("MCC", "hidden IoU", "leftover", "ms", "d95", "d99")
-    wide = max([28, *(len(score.predictor) + 1 for score in scores)])
-    typer.echo(f"{'predictor':<{wide}}" + "".join(f"{head:>18}" for head in heads))
-    for s in scores:
-        ways = [f"{w:.2f}" if w else "-" for w in (s.d95, s.d99)]
-        values = [
+    rows = [
+        [
+            s.predictor,
             number(s.mcc),
             number(s.hidden_iou.estimate),
             percent(s.leftover, 1),
             number(s.ms, 1),
-            *ways,
+            *(f"{ways:.2f}" if ways else "-" for ways in (s.d95, s.d99)),
         ]
-        typer.echo(f"{s.predictor:<{wide}}" + "".join(f"{value:>18}" for value in values))
+        for s in scores
+    ]
+    print_table(["predictor", "MCC", "hidden IoU", "leftover", "ms", "d95", "d99"], rows)

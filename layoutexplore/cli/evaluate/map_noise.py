@@ -83,8 +83,6 @@ def map_noise(
 
 def _print_statistics(real: Floats, simulated: dict[str, SimulatedMaps]) -> None:
     """Deciles 1, 5 and 9 of each statistic, and how much of the real maps the simulated ones cover."""
-    from rich.table import Table
-
     from layoutexplore.cli.progress import print_table
     from layoutexplore.training.map_noise.fit import covered
     from layoutexplore.training.map_noise.statistics import STATISTICS
@@ -92,13 +90,13 @@ def _print_statistics(real: Floats, simulated: dict[str, SimulatedMaps]) -> None
     tables = {name: made.statistics() for name, made in simulated.items()}
     shares = {name: covered(real, table) for name, table in tables.items()}
     heading = [f"{name} {what}" for name in tables for what in ("10 / 50 / 90 %", "covers")]
-    out = Table("statistic", "real 10 / 50 / 90 %", *heading, box=None)
+    rows = []
     for k, statistic in enumerate(STATISTICS):
         cells = [_deciles(real[:, k])]
         for name, table in tables.items():
             cells += [_deciles(table[:, k]), f"{100 * shares[name][statistic]:.0f} %"]
-        out.add_row(statistic, *cells)
-    print_table(out, 140)
+        rows.append([statistic, *cells])
+    print_table(["statistic", "real 10 / 50 / 90 %", *heading], rows)
 
 
 def _deciles(values: Floats) -> str:

@@ -183,12 +183,15 @@ def _shown(value: float) -> str:
 
 def _print(what: str, stratum: str, summary: Mapping[str, PredictorSummary], columns: Sequence[str]) -> None:
     """One line a stratum and predictor, the predictors of a stratum below each other."""
+    from layoutexplore.cli.progress import print_table
+
     lines = [
         (getattr(line, stratum), name, line) for name, part in summary.items() for line in getattr(part, what)
     ]
-    order = list(dict.fromkeys(name for name, _, _ in lines))
-    wide = max([15, *(len(name) + 1 for name in summary)])
-    typer.echo(f"{stratum:<10}{'predictor':<{wide}}" + "".join(f"{column:>19}" for column in columns))
-    for level, name, line in sorted(lines, key=lambda entry: order.index(entry[0])):
-        typer.echo(f"{level:<10}{name:<{wide}}" + "".join(f"{_shown(getattr(line, c)):>19}" for c in columns))
+    order = list(dict.fromkeys(level for level, _, _ in lines))
+    rows = [
+        [level, name, *(_shown(getattr(line, column)) for column in columns)]
+        for level, name, line in sorted(lines, key=lambda entry: order.index(entry[0]))
+    ]
+    print_table([stratum, "predictor", *columns], rows, keys=2)
     typer.echo("")

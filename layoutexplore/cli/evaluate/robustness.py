@@ -130,16 +130,21 @@ def _judge(
 
 
 def _print(found: Sequence[AgentUnderNoise], failed: Mapping[str, Sequence[FailedRuns]]) -> None:
-    for line in found:
-        d95, d99 = (
-            "-" if math.isnan(ratio.estimate) else text
-            for ratio, text in ((line.d95, f"{line.d95:.2f}"), (line.d99, f"{line.d99.estimate:.2f}"))
-        )
-        typer.echo(
-            f"{line.agent:<16} {line.level:<7} saw 99 %: {line.reached:6.1%} of {line.runs}  to 95 %: "
-            f"{d95}  to 99 %: {d99}"
-        )
-    if not found:
+    from layoutexplore.cli.progress import print_table
+
+    rows = [
+        [
+            line.agent,
+            line.level,
+            str(line.runs),
+            f"{line.reached:.1%}",
+            *("-" if math.isnan(ratio.estimate) else f"{ratio:.2f}" for ratio in (line.d95, line.d99)),
+        ]
+        for line in found
+    ]
+    if rows:
+        print_table(["strategy", "noise", "runs", "saw 99 %", "to 95 %", "to 99 %"], rows, keys=2)
+    else:
         typer.echo("no run ended well: agents.csv has no line")
     for level, lines in failed.items():
         for one in lines:

@@ -257,32 +257,28 @@ def _print_all(rows: Sequence[MapScore], *, by_source: bool) -> None:
 
 
 def _print_groups(heading: str, lines: Sequence[dict[str, Any]]) -> None:
-    from rich.table import Table
-
     from layoutexplore.cli.progress import print_table
     from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
 
-    table = Table(heading, "maps", "buildings", *HEADINGS.values(), box=None)
+    rows = []
     for line in lines:
         name = f"{line['folder']}: {line['building']}" if "building" in line else line["source"]
         values = [f"{100 * line[m]:.1f}" for m in MEASURES]
-        table.add_row(name, str(line["maps"]), str(line["buildings"]), *values)
-    print_table(table, 200)
+        rows.append([name, str(line["maps"]), str(line["buildings"]), *values])
+    print_table([heading, "maps", "buildings", *HEADINGS.values()], rows)
 
 
 def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
-    from rich.table import Table
-
     from layoutexplore.cli.progress import print_table
     from layoutexplore.metrics.segmentation import HEADINGS, MEASURES
 
     columns = "set", "method", "maps", "buildings", *HEADINGS.values(), "1-1, 95 %", "segments/rooms", "ms"
-    table = Table(*columns, box=None)
+    rows = []
     for line in lines:
         values = [f"{100 * line[m]:.1f}±{100 * line[m + '_std']:.1f}" for m in MEASURES]
         interval = f"{100 * line['low']:.1f}-{100 * line['high']:.1f}" if line["buildings"] > 1 else "-"
         counts = f"{line['segments']:.1f}/{line['rooms']:.1f}"
-        table.add_row(
+        texts = [
             line["folder"],
             line["method"],
             str(line["maps"]),
@@ -291,8 +287,9 @@ def _print_summary(lines: Sequence[dict[str, Any]]) -> None:
             interval,
             counts,
             f"{line['ms']:.0f}±{line['ms_std']:.0f}",
-        )
-    print_table(table, 200, keys=2)
+        ]
+        rows.append(texts)
+    print_table(columns, rows, keys=2)
 
 
 def _print_spread(lines: Sequence[dict[str, Any]]) -> None:
