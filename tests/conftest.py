@@ -18,17 +18,16 @@ settings.load_profile("untimed")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Compile all kernels where there are none: in tests, processes would wait for each other."""
+    """Compile what kernels are missing: in tests, processes would wait for each other."""
     if hasattr(session.config, "workerinput") or not session.config.getoption("numprocesses", None):
         return
     from layoutexplore.cli.warm_up import warm_up_steps
     from layoutexplore.processes import usable_cores
-    from layoutexplore.processes.kernel_list import compile_kernels, is_kept, listed_kernels, missing_kernels
+    from layoutexplore.processes.kernel_list import compile_kernels, missing_kernels
 
-    uses = [name for name, _ in warm_up_steps()]
-    if not is_kept(listed_kernels(uses)[0]):
-        sys.stderr.write("compiling the kernels, once\n")
-        compile_kernels(missing_kernels(uses), usable_cores())
+    if missing := missing_kernels(name for name, _ in warm_up_steps()):
+        sys.stderr.write(f"compiling {len(missing)} kernels, once\n")
+        compile_kernels(missing, usable_cores())
 
 
 @pytest.fixture(scope="session")
