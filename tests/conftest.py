@@ -17,6 +17,13 @@ settings.register_profile("untimed", deadline=None, suppress_health_check=[Healt
 settings.load_profile("untimed")
 
 
+def pytest_xdist_auto_num_workers() -> int:
+    """As many test processes as there are cores to use; each needs up to 1.5 GB."""
+    from layoutexplore.processes import usable_cores
+
+    return min(usable_cores(), 8)
+
+
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Compile what kernels are missing: in tests, processes would wait for each other."""
     if hasattr(session.config, "workerinput") or not session.config.getoption("numprocesses", None):

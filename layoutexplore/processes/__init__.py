@@ -36,8 +36,10 @@ def command_line() -> str:
 
 
 def usable_cores() -> int:
-    """Number of processor cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Number of processor cores that this process may use: of its machine, its container and its job."""
+    from joblib import cpu_count
+
+    return int(cpu_count())
 
 
 def end_with_parent() -> None:

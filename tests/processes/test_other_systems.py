@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import builtins
 import ctypes
+import io
 import os
 import signal
 import sys
@@ -12,7 +14,7 @@ from typing import Any, NoReturn
 import pytest
 
 from layoutexplore import processes
-from layoutexplore.processes import end_at_once, peak_memory, release_memory
+from layoutexplore.processes import end_at_once, peak_memory, release_memory, usable_cores
 
 
 def test_memory_is_not_told_where_nobody_knows(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -23,6 +25,16 @@ def test_memory_is_not_told_where_nobody_knows(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(Path, "read_text", unreadable)
     monkeypatch.setitem(sys.modules, "resource", None)
     assert peak_memory() == 0
+
+
+@pytest.mark.parametrize(("quota", "cores"), [("max 100000", 12), ("250000 100000", 3)])
+def test_cores_are_those_of_the_container(monkeypatch: pytest.MonkeyPatch, quota: str, cores: int) -> None:
+    told = "/sys/fs/cgroup/cpu.max"
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda process: set(range(12)), raising=False)
+    monkeypatch.setattr(os.path, "exists", lambda name: name == told)
+    monkeypatch.setattr(builtins, "open", lambda name: io.StringIO(quota) if name == told else None)
+    assert usable_cores() == cores
 
 
 @pytest.mark.parametrize("error", [OSError, TypeError])
