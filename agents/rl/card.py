@@ -131,7 +131,8 @@ def find_policy(name: str | os.PathLike[str]) -> Path:
     shipped = {path.stem: path for path in sorted(WEIGHTS.glob("*.safetensors"))}
     if name in shipped:
         return shipped[name]
-    path = Path(name).expanduser()
+    # Homes of nobody are left as they are: no file is there.
+    path = Path(os.path.expanduser(name))  # noqa: PTH111
     if is_there(path) and path.is_dir():
         for candidate in ("best.safetensors", "policy.safetensors"):
             if (path / candidate).is_file():

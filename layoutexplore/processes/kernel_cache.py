@@ -18,8 +18,11 @@ def keep_kernels_somewhere(package: Path) -> None:
     Args:
         package: A folder with code.
     """
-    if "NUMBA_CACHE_DIR" in os.environ or _is_writable(package) or _is_writable(_user_cache()):
+    if "NUMBA_CACHE_DIR" in os.environ or _is_writable(package):
         return
+    with contextlib.suppress(RuntimeError):  # nobody knows this user, as in some containers
+        if _is_writable(_user_cache()):
+            return
     folder = Path(tempfile.gettempdir()) / f"layoutexplore-kernels-{getattr(os, 'getuid', int)()}"
     with contextlib.suppress(OSError):
         folder.mkdir(mode=0o700)

@@ -35,6 +35,15 @@ def test_kernels_of_a_user_without_a_home_are_kept_among_temporary_files(homeles
     assert Path(first).parent == homeless and os.environ["NUMBA_CACHE_DIR"] == first
 
 
+def test_a_user_whom_nobody_knows_has_no_home(homeless: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def expanduser(path: Path) -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "expanduser", expanduser)
+    keep_kernels_somewhere(NOWHERE)
+    assert Path(os.environ["NUMBA_CACHE_DIR"]).parent == homeless
+
+
 def test_a_folder_that_others_can_write_to_is_not_trusted(homeless: Path) -> None:
     keep_kernels_somewhere(NOWHERE)
     first = os.environ.pop("NUMBA_CACHE_DIR")

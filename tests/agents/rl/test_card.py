@@ -47,6 +47,8 @@ def test_where_policies_are_looked_for(saved: Path, tmp_path: Path) -> None:
     assert find_policy(str(tmp_path)) == tmp_path / "best.safetensors"
     with pytest.raises(ConfigError, match="there is no policy"):
         make_agent(f"policy:{tmp_path / 'gone.safetensors'}")
+    with pytest.raises(ConfigError, match="there is no policy ~nobody-at-all/gone"):
+        find_policy("~nobody-at-all/gone")
     with pytest.raises(UnknownNameError, match="unknown policy 'nobody'"):
         make_agent("policy:nobody")
 
