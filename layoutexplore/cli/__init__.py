@@ -96,8 +96,6 @@ def main() -> None:
         print(f"layoutexplore: {where}{error.strerror or error}{_without_folder()}", file=sys.stderr)
         sys.exit(2)
     except (Exception, SystemExit) as error:  # in a user's own code: told without the frames around it
-        if isinstance(error, SystemExit) and not hasattr(error, "__notes__"):
-            raise  # as every command ends
         from layoutexplore.plugins.tracebacks import own_frames, told
 
         if not own_frames(error):

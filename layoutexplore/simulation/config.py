@@ -111,6 +111,11 @@ class SimulationConfig:
             gone_share=SHARE,
             scan_matching=FLAG,
         )
+        if (seen := sensor(self.sensor).range_max) < self.resolution:
+            raise ConfigError(
+                f"the sensor's range_max of {seen:g} m is less than a cell's side (resolution) of "
+                f"{self.resolution:g} m: nothing would be seen"
+            )
         noise = Rule(low=0.0, high=100.0)
         check(self.odometry_noise, "odometry_noise.", translation=noise, rotation=noise)
         object.__setattr__(self, "region", check_region(self.region))
