@@ -111,10 +111,11 @@ class SimulationConfig:
             gone_share=SHARE,
             scan_matching=FLAG,
         )
-        if (seen := sensor(self.sensor).range_max) < self.resolution:
+        lidar = sensor(self.sensor)
+        if lidar.range_max < self.resolution:
             raise ConfigError(
-                f"the sensor's range_max of {seen:g} m is less than a cell's side (resolution) of "
-                f"{self.resolution:g} m: nothing would be seen"
+                f"lidar {lidar.name!r}: its range_max of {lidar.range_max:g} m is less than a cell's side "
+                f"(resolution) of {self.resolution:g} m: nothing would be seen"
             )
         noise = Rule(low=0.0, high=100.0)
         check(self.odometry_noise, "odometry_noise.", translation=noise, rotation=noise)
