@@ -67,7 +67,10 @@ def _accept(name: str, made: Any) -> Agent:
         if not callable(getattr(made, method.partition("(")[0], None)):
             raise ConfigError(f"agent {name!r} is a {type(made).__name__}, which has no {method}")
     if not isinstance(getattr(made, "name", None), str):
-        made.name = name
+        try:
+            object.__setattr__(made, "name", name)  # a frozen dataclass takes it, too
+        except AttributeError as error:
+            raise ConfigError(f"agent {name!r} needs an attribute name, a text: none can be set") from error
     agent: Agent = made
     return agent
 

@@ -83,7 +83,7 @@ def main() -> None:
     try:
         app()
     except LayoutExploreError as error:
-        print(f"layoutexplore: {error}", file=sys.stderr)
+        print(f"layoutexplore: {error}", *getattr(error, "__notes__", ()), sep="\n", file=sys.stderr)
         sys.exit(2)
     except BrokenPipeError:
         # The reader has gone (`layoutexplore ... | head`): that is not an error, but nothing more can be
@@ -95,7 +95,7 @@ def main() -> None:
         where = f"{shortened(name) if len(name) > 500 else name}: " if name else ""
         print(f"layoutexplore: {where}{error.strerror or error}{_without_folder()}", file=sys.stderr)
         sys.exit(2)
-    except Exception as error:  # in a user's own code: told without the frames around it
+    except (Exception, SystemExit) as error:  # in a user's own code: told without the frames around it
         from layoutexplore.plugins.tracebacks import own_frames, told
 
         if not own_frames(error):

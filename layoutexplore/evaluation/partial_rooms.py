@@ -19,6 +19,7 @@ from scipy import ndimage
 from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.frontiers.classes import LITTLE_LEFT, true_classes
 from layoutexplore.frontiers.decision import Decision, Privileged
+from layoutexplore.frontiers.walks import completed
 from layoutexplore.grids.arrays import Cells, Ints32, Mask, check_alike
 from layoutexplore.grids.boxes import window
 from layoutexplore.grids.grid import UNKNOWN
@@ -143,7 +144,7 @@ def score_predictors(
             if isinstance(predictor, Privileged):
                 predictor.reveal(snapshot.truth)
             begin = time.perf_counter()
-            judged = predictor.predict(snapshot.decision)
+            judged = completed(snapshot.decision, predictor)
             scores.milliseconds[name].append(1000 * (time.perf_counter() - begin))
             scores.frontiers.extend(_score_frontiers(snapshot, judged, name))
             rooms = predictor.rooms(snapshot.decision)

@@ -137,7 +137,7 @@ class PredictedRooms(Protocol):
 @shows_shapes
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """One decision of an exploration. Arrays are views that change with the next step: copy what you keep.
+    """One decision of an exploration. Arrays change with the next step: copy what you keep or change.
 
     Attributes:
         step: Number of decisions taken before this one.

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import shapely
 from numba import njit
-from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, check_alike
@@ -23,26 +20,35 @@ HIGHEST_ID = 100_000
 """Ids of rooms up to this are kept where there are fewer cells: tables are as long as the highest one."""
 
 
-def room_numbers(ids: NDArray[np.integer[Any]], where: str) -> Ints32:
+def room_numbers(found: object, shape: tuple[int, int], where: str) -> Ints32:
     """Ids of rooms int32 (rows, cols) as they are, or 1, 2, ... in their order where one is too high.
 
     Args:
-        ids: int (rows, cols), 0 for none.
+        found: int (rows, cols), 0 for none; anything, as a user's own code gives it.
+        shape: (rows, cols) of the grid.
         where: Who gives them, for the message.
 
     Raises:
-        ConfigError: One is below 0.
+        ConfigError: It is something else, or one is below 0.
 
     Example:
-        >>> room_numbers(np.array([[0, 2**40], [7, 7]]), "mine").tolist()
+        >>> room_numbers([[0, 2**40], [7, 7]], (2, 2), "mine").tolist()
         [[0, 2], [1, 1]]
     """
+    try:
+        ids = np.asarray(found)
+    except (ValueError, OverflowError):  # a labelling and its number of labels, for one
+        ids = np.asarray(None)
+    if ids.shape != shape or not np.issubdtype(ids.dtype, np.integer):
+        got = shortened(found) if ids.dtype == object else f"{ids.dtype} {ids.shape}"
+        raise ConfigError(f"{where}: the room of each cell is a whole number {shape}, 0 for none, got {got}")
     least, most = int(ids.min(initial=0)), int(ids.max(initial=0))
     if least < 0:
         raise ConfigError(f"{where}: ids of rooms are 0 for none and above, got {least}")
     if most > max(ids.size, HIGHEST_ID):
         ids = np.searchsorted(np.unique(ids[ids > 0]), ids, side="right")
-    return ids.astype(np.int32)
+    # In one order of memory: kernels are compiled anew for the other one.
+    return ids.astype(np.int32, order="C")
 
 
 @checks_arguments

@@ -183,13 +183,8 @@ def _accept(name: str, run: Any) -> Callable[[OccupancyGrid], Layout]:
         found = run(grid)
         if isinstance(found, Layout):
             return found
-        labels = np.asarray(found)
-        if labels.shape != grid.shape or not np.issubdtype(labels.dtype, np.integer):
-            raise ConfigError(
-                f"layout method {name!r} must return a Layout or a room id a cell, int {grid.shape}, 0 for "
-                f"none; got {labels.dtype} {labels.shape}"
-            )
-        return layout_of_labels(name, grid, room_numbers(labels, f"layout method {name!r}"), StageTimer())
+        labels = room_numbers(found, grid.shape, f"layout method {name!r} gives no Layout")
+        return layout_of_labels(name, grid, labels, StageTimer())
 
     return method
 

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, shortened
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, check_resolution
 from layoutexplore.grids.morphology import check_mask
@@ -153,16 +153,17 @@ def check_path(path: NDArray[np.integer], start: Cell) -> Ints32:
     Raises:
         ConfigError: It does not.
     """
+    if not isinstance(path, np.ndarray):
+        raise ConfigError(f"a path is an integer array (k, 2) of cells, got {shortened(path)}")
     if path.ndim != 2 or path.shape[1] != 2 or len(path) == 0 or not np.issubdtype(path.dtype, np.integer):
         raise ConfigError(f"a path is an integer array (k, 2) of cells, got {path.dtype} {path.shape}")
     if (first := tuple(path[0].tolist())) != start:
         raise ConfigError(f"the path starts at {first}, but the robot is in cell {tuple(start)}")
-    jumps = np.flatnonzero(np.abs(np.diff(path, axis=0)).max(axis=1, initial=0) > 1)
+    signed = path.astype(np.int64)  # differences of unsigned numbers are never below 0
+    jumps = np.flatnonzero(np.abs(np.diff(signed, axis=0)).max(axis=1, initial=0) > 1)
     if len(jumps):
-        k = int(jumps[0])
-        raise ConfigError(
-            f"the path jumps from {tuple(path[k])} to {tuple(path[k + 1])}: cells must be neighbours"
-        )
+        before, after = (tuple(cell) for cell in signed[jumps[0] : jumps[0] + 2].tolist())
+        raise ConfigError(f"the path jumps from {before} to {after}: cells must be neighbours")
     # In one order of memory: kernels are compiled anew for the other one.
     return path.astype(np.int32, order="C")
 

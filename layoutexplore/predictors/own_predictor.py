@@ -51,16 +51,18 @@ class OwnPredictor:
         found = self.inner.rooms(decision)
         if not isinstance(found, RoomLabels):
             return _completed(self.name, found, decision)
-        for ids in (found.room_ids, found.passable):
-            _check_shape(self.name, ids, decision)
-        given = np.asarray(found.room_ids)
+        given, passable = np.asarray(found.room_ids), np.asarray(found.passable)
+        for array in (given, passable):
+            _check_shape(self.name, array, decision)
         highest = max(given.size, HIGHEST_ID)
         if not np.issubdtype(given.dtype, np.integer) or not 0 <= given.min() <= given.max() <= highest:
             raise ConfigError(
                 f"predictor {self.name!r}: ids of rooms in RoomLabels are 0 for none to {highest}, got "
                 f"{given.dtype} from {given.min()} to {given.max()}"
             )
-        return found
+        # As kernels are compiled for them.
+        given, passable = np.ascontiguousarray(given, np.int32), np.ascontiguousarray(passable, np.bool_)
+        return RoomLabels(given, passable, found.rest)
 
     def predict(self, decision: Decision) -> Decision:
         """The decision with a class and an expected area for every frontier."""
@@ -80,11 +82,7 @@ def predictor_of_own_code(name: str, made: Any) -> RoomPredictor:
 
 def _completed(name: str, found: Any, decision: Decision) -> RoomLabels:
     """Room ids, with walls around what they claim of the unknown."""
-    ids = np.asarray(found)
-    if not np.issubdtype(ids.dtype, np.integer):
-        raise ConfigError(f"predictor {name!r}: rooms must be ids, whole numbers, got {ids.dtype}")
-    _check_shape(name, ids, decision)
-    ids = room_numbers(ids, f"predictor {name!r}")
+    ids = room_numbers(found, decision.grid.shape, f"predictor {name!r}")
     return walled_rooms(decision.grid.cells, ids, int(ids.max(initial=0)) + 1)
 
 

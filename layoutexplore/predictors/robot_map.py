@@ -15,7 +15,7 @@ from layoutexplore.errors import ConfigError, MapError, StartError, checks_calls
 from layoutexplore.frontiers.decision import PATHS, STOP, Choice, Decision, path_of
 from layoutexplore.frontiers.detection import FrontierDetector
 from layoutexplore.frontiers.viewpoints import GAIN_RANGE, GAIN_RAYS, MIN_SIZE, ViewpointSelector
-from layoutexplore.frontiers.walks import checked_walk, plain_choice
+from layoutexplore.frontiers.walks import checked_walk, completed, plain_choice
 from layoutexplore.grids.arrays import Cells, Floats, Ints32
 from layoutexplore.grids.boxes import Box, grown_box, known_box, true_box, union
 from layoutexplore.grids.grid import (
@@ -170,7 +170,7 @@ class RobotMap:
             track=self._track,
             goal=self._goal,
         )
-        return self.predictor.predict(decision) if self.predictor and decision.frontiers else decision
+        return completed(decision, self.predictor) if self.predictor and decision.frontiers else decision
 
     def way(self, decision: Decision, choice: Choice) -> Floats:
         """The way that an agent has chosen, for the robot's navigation to follow.

@@ -41,6 +41,9 @@ from layoutexplore.grids.morphology import measure_clearance
 from layoutexplore.grids.rays import ray_frame, steps
 from layoutexplore.options import Rule, check, check_kind
 
+MOST_BEAMS = 100_000
+"""Beams of a scan, also of one all around with the density of a lidar that sees less."""
+
 _SKIP_FROM = 3
 """A jump is cheaper than single steps from this clearance on."""
 
@@ -80,7 +83,7 @@ class LidarConfig:
             self,
             f"lidar {self.name!r}: ",
             **dict.fromkeys(("range_max", "fov", "angle_offset", "range_noise_std", "dropout"), numbers),
-            beams=Rule(kind=int, low=1, high=100_000),
+            beams=Rule(kind=int, low=1, high=MOST_BEAMS),
         )
         checks = {
             "range_max must be metres above 0 and at most 10000": 0 < self.range_max <= 1e4,
@@ -92,6 +95,11 @@ class LidarConfig:
         for message, good in checks.items():
             if not good:
                 raise ConfigError(f"lidar {self.name!r}: {message}, got {self}")
+        if (beams := _beams_around(self)) > MOST_BEAMS:
+            raise ConfigError(
+                f"lidar {self.name!r}: turned once around it has {beams} beams, at most {MOST_BEAMS} can be: "
+                f"give fewer than {self.beams}, or a wider fov than {self.fov:g}"
+            )
 
     @property
     def full_turn(self) -> bool:
@@ -124,8 +132,12 @@ def around(config: LidarConfig) -> LidarConfig:
     """The same lidar seeing all around with the same density of beams (what turning on the spot gives)."""
     if config.full_turn:
         return config
-    beams = max(1, round(2 * math.pi / config.angle_increment))
-    return dataclasses.replace(config, fov=2 * math.pi, beams=beams)
+    return dataclasses.replace(config, fov=2 * math.pi, beams=_beams_around(config))
+
+
+def _beams_around(config: LidarConfig) -> int:
+    """Beams of a full turn with this density."""
+    return max(1, round(min(2 * math.pi / config.angle_increment, 1e15)))
 
 
 SENSORS: dict[str, LidarConfig] = {

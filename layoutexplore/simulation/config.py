@@ -111,6 +111,12 @@ class SimulationConfig:
             gone_share=SHARE,
             scan_matching=FLAG,
         )
+        lidar = sensor(self.sensor)
+        if lidar.range_max < self.resolution:
+            raise ConfigError(
+                f"lidar {lidar.name!r}: its range_max of {lidar.range_max:g} m is less than a cell's side "
+                f"(resolution) of {self.resolution:g} m: nothing would be seen"
+            )
         noise = Rule(low=0.0, high=100.0)
         check(self.odometry_noise, "odometry_noise.", translation=noise, rotation=noise)
         object.__setattr__(self, "region", check_region(self.region))

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from layoutexplore.errors import ConfigError, LayoutExploreError, checks_making, shortened
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
-from layoutexplore.frontiers.walks import plain_choice
+from layoutexplore.frontiers.walks import leaving_the_map, plain_choice
 from layoutexplore.grids.arrays import Floats, shows_shapes
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
@@ -131,27 +132,26 @@ def play(
         predicted = timed.ms
     if on_step:
         on_step(simulation)
-    while not simulation.done and not (until and until(simulation)):
-        if asked_beside:
-            asked_beside.before(agent)
-        asked = time.perf_counter()
-        choice = plain_choice(agent.act(decision))
-        took.append(1000 * (time.perf_counter() - asked))
-        if timed:
-            predictions.append(timed.ms - predicted)
-            took[-1] += predictions[-1]
-            predicted = timed.ms
-        if asked_beside:
-            asked_beside.note(decision, choice, predictions[-1])
-        decision = simulation.step(choice)
-        if on_step:
-            on_step(simulation)
-        if simulation.decisions > MAX_DECISIONS:
-            name = getattr(agent, "name", type(agent).__name__)
-            raise LayoutExploreError(
-                f"agent {name!r} is stuck: {MAX_DECISIONS} decisions, {simulation.distance:.0f} m, "
-                f"{100 * simulation.coverage:.1f} % seen"
-            )
+    with _naming(agent, simulation):
+        while not simulation.done and not (until and until(simulation)):
+            if asked_beside:
+                asked_beside.before(agent)
+            choice, ms = _ask(agent, decision)
+            took.append(ms)
+            if timed:
+                predictions.append(timed.ms - predicted)
+                took[-1] += predictions[-1]
+                predicted = timed.ms
+            if asked_beside:
+                asked_beside.note(decision, choice, predictions[-1])
+            decision = simulation.step(choice)
+            if on_step:
+                on_step(simulation)
+            if simulation.decisions > MAX_DECISIONS:
+                raise LayoutExploreError(
+                    f"{_named(agent)} is stuck: {MAX_DECISIONS} decisions, {simulation.distance:.0f} m, "
+                    f"{100 * simulation.coverage:.1f} % seen"
+                )
     seconds = time.perf_counter() - began - (asked_beside.seconds if asked_beside else 0.0)
     notes = asked_beside.end() if asked_beside else None
     return Episode(simulation.curve[:, :2], corners(simulation.track), took, seconds, predictions, notes)
@@ -169,6 +169,30 @@ def _check_callers(
     for name, function in functions.items():
         if function is not None and not callable(function):
             raise ConfigError(f"{name} must be a function or None, got {shortened(function)}")
+
+
+def _named(agent: Agent) -> str:
+    """What an agent is called in messages."""
+    return f"agent {getattr(agent, 'name', type(agent).__name__)!r}"
+
+
+def _ask(agent: Agent, decision: Decision) -> tuple[Choice, float]:
+    """An agent's choice at a decision, and the milliseconds that it took; it must leave the map alone."""
+    with leaving_the_map(decision.grid.cells, _named(agent)):
+        asked = time.perf_counter()
+        choice = plain_choice(agent.act(decision))
+        ms = 1000 * (time.perf_counter() - asked)
+    return choice, ms
+
+
+@contextlib.contextmanager
+def _naming(agent: Agent, simulation: Simulation) -> Iterator[None]:
+    """What fails inside the block says at which decision, of whom and where."""
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        error.add_note(f"({_named(agent)}, decision {simulation.decisions} on {simulation.plan.name!r})")
+        raise
 
 
 def _begin(simulation: Simulation, agent: Agent, seed: int, start: Pose | None) -> Decision:

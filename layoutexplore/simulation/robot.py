@@ -146,8 +146,10 @@ class _Track:
 
     @property
     def poses(self) -> Floats:
-        """float64 (n, 3), as (x, y, theta); a view, to which nothing is added later."""
-        return self._rows[: self._count]
+        """float64 (n, 3), as (x, y, theta); a view to read, to which nothing is added later."""
+        view = self._rows[: self._count]
+        view.flags.writeable = False
+        return view
 
     def replace_last(self, pose: Pose) -> None:
         """Another pose instead of the last one."""

@@ -21,7 +21,7 @@ from layoutexplore.errors import ConfigError, checks_calls, shortened
 from layoutexplore.frontiers.decision import PATHS, STOP, Choice, Decision, Predictor, Privileged, Truth
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import cells_in_view, facing, remaining_share
-from layoutexplore.frontiers.walks import NO_SIGHTS, checked_walk, plain_choice
+from layoutexplore.frontiers.walks import NO_SIGHTS, checked_walk, completed, plain_choice
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.maps.floorplan import FloorPlan
@@ -302,7 +302,7 @@ class Simulation:
             goal=state.goal,
             turn_cost=self.config.turn_cost,
         )
-        return self.predictor.predict(decision) if self.predictor and decision.frontiers else decision
+        return completed(decision, self.predictor) if self.predictor and decision.frontiers else decision
 
     def _follow(self, path: Ints32, goal: Ints32, target: Cell | None = None) -> bool:
         """Follow a path, scanning on the way; whether the goal is still to be looked at from its end."""

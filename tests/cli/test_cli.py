@@ -55,6 +55,26 @@ def run(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
     return int(stopped.value.code or 0)
 
 
+def test_own_code_that_exits_is_told_as_what_fails_in_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """An exploration that has no end is no success, whatever the status that own code gives."""
+    (tmp_path / "mine.py").write_text(
+        "import sys\nclass Leaves:\n"
+        "    def reset(self, seed): ...\n    def act(self, decision): sys.exit(0)\n"
+        "    def rooms(self, decision): sys.exit(0)\n"
+    )
+    own = f"{tmp_path / 'mine.py'}:Leaves"
+    assert run(monkeypatch, "explore", "apartment-01", "--agent", own) == 1
+    told = capsys.readouterr().err
+    assert (
+        "line 4, in act" in told and f"SystemExit: 0\n(agent '{own}', decision 0 on 'apartment-01')" in told
+    )
+    agent = f"layout-tour:predictor={own}"
+    assert run(monkeypatch, "explore", "apartment-01", "--agent", agent) == 1
+    assert "line 5, in rooms" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_every_help_has_an_example(command: tuple[str, ...]) -> None:
     result = RUNNER.invoke(cli.app, [*command, "--help"])

@@ -92,3 +92,9 @@ def test_wrong_sights_are_refused(sights: Any, told: str) -> None:
     assert checked_walk(Walk(path, np.array([[2, 3]])), Cell(1, 1), (3, 4)).sights.dtype == np.int32
     with pytest.raises(ConfigError, match=told):
         checked_walk(Walk(path, sights), Cell(1, 1), (3, 4))
+
+
+@pytest.mark.parametrize("path", [None, [(1, 1), (1, 2)]])
+def test_a_walk_needs_an_array_of_cells(path: Any) -> None:
+    with pytest.raises(ConfigError, match="a path is an integer array"):
+        checked_walk(Walk(path, np.array([[2, 3]])), Cell(1, 1), (3, 4))

@@ -249,6 +249,9 @@ def test_ids_of_a_method_of_one_s_own_may_be_high_but_not_below_zero():
         assert np.array_equal(reconstruct(grid, own_method(rooms * high)).labels, plain.labels)
     with pytest.raises(ConfigError, match="0 for none and above, got -2"):
         reconstruct(grid, own_method(-rooms))
+    for odd in (rooms / 2, rooms[1:], (rooms, 2), None):
+        with pytest.raises(ConfigError, match="gives no Layout: the room of each cell is a whole number"):
+            reconstruct(grid, own_method(odd))
 
 
 def own_method(labels):

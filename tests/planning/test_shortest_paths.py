@@ -207,6 +207,14 @@ def test_a_path_is_copied_in_the_order_of_memory_that_kernels_know() -> None:
     assert not np.shares_memory(check_path(checked, Cell(1, 1)), checked)
 
 
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.uint64])
+def test_paths_of_unsigned_numbers_lead_anywhere(dtype: type) -> None:
+    path = [[3, 3], [2, 3], [1, 2], [2, 1]]
+    assert check_path(np.array(path, dtype), Cell(3, 3)).tolist() == path
+    with pytest.raises(ConfigError, match=r"jumps from \(3, 3\) to \(1, 3\)"):
+        check_path(np.array([[3, 3], [1, 3]], dtype), Cell(3, 3))
+
+
 def test_bad_input_is_refused() -> None:
     mask = np.ones((4, 5), bool)
     with pytest.raises(ConfigError, match=r"cell \(4, 0\) lies outside"):

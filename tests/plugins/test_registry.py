@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
@@ -65,6 +66,28 @@ def test_a_file_is_an_agent_with_the_parameters_of_its_class(tmp_path: Path) -> 
 def test_what_is_wrong_is_said(tmp_path: Path, spec: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         make_agent(spec.format(write(tmp_path)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Frozen(Still):
+    """Has parameters, and no name."""
+
+    size: float = 1.0
+
+
+class Nameless(Still):
+    """Its name is none, and cannot be set."""
+
+    @property
+    def name(self) -> None:
+        return None
+
+
+def test_agents_that_cannot_change_have_a_name_or_are_told_so() -> None:
+    here = f"{__name__}:Frozen"
+    assert make_agent(f"{here}:size=2").name == f"{here}:size=2"
+    with pytest.raises(ConfigError, match="needs an attribute name"):
+        make_agent(f"{__name__}:Nameless")
 
 
 def test_a_module_of_the_working_folder_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

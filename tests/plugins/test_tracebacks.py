@@ -24,7 +24,9 @@ def test_frames_of_this_package_are_left_out(tmp_path: Path) -> None:
     text = told(caught.value)
     assert text.count("File ") == len(own_frames(caught.value))
     assert f'File "{path}", line 15, in act' in text and "simulation" not in text
-    assert text.endswith(str(caught.value))
+    (note,) = caught.value.__notes__
+    assert note == f"(agent '{path}:Mine', decision 0 on 'apartment-03')"
+    assert text.endswith(f"{caught.value}\n{note}")
 
 
 def test_an_error_without_own_code_says_its_message() -> None:

@@ -51,6 +51,28 @@ def test_what_are_no_ids_is_named(decision: Decision, inner: Numbered) -> None:
         OwnPredictor("own", inner).predict(decision)
 
 
+@pytest.mark.parametrize("rooms", [None, (np.zeros((3, 3), int), 2), np.zeros((2, 2), int)])
+def test_what_are_no_rooms_is_named(decision: Decision, rooms: Any) -> None:
+    class Odd:
+        def rooms(self, decision: Decision) -> Any:
+            return rooms
+
+    with pytest.raises(ConfigError, match="predictor 'own': the room of each cell is a whole number"):
+        OwnPredictor("own", Odd()).predict(decision)
+
+
+@pytest.mark.parametrize("as_labels", [False, True])
+def test_arrays_of_any_kind_become_those_that_kernels_know(decision: Decision, as_labels: bool) -> None:
+    class Other:
+        def rooms(self, decision: Decision) -> Any:
+            ids = np.asfortranarray(decision.grid.free.astype(np.int64))
+            return RoomLabels(ids, ids) if as_labels else ids
+
+    rooms = OwnPredictor("own", Other()).rooms(decision)
+    assert rooms.room_ids.dtype == np.int32 and rooms.passable.dtype == np.bool_
+    assert rooms.room_ids.flags.c_contiguous and rooms.passable.flags.c_contiguous
+
+
 def test_of_the_unseen_rest_an_open_frontier_promises_what_is_in_sight(decision: Decision) -> None:
     predictor = OwnPredictor("own", Numbered(1))
     rest = predictor.rooms(decision).rest

@@ -239,6 +239,13 @@ def test_nonsense_is_refused(name: str, value: float) -> None:
         LidarConfig(**{"range_max": 5.0, "fov": 3.0, "beams": 10, name: value})
 
 
+@pytest.mark.parametrize(("fov", "beams"), [(math.pi, 100_000), (math.radians(1), 1000), (1e-9, 1)])
+def test_lidars_too_dense_to_turn_once_around_are_refused(fov: float, beams: int) -> None:
+    with pytest.raises(ConfigError, match="turned once around it has"):
+        LidarConfig(range_max=5.0, fov=fov, beams=beams)
+    assert around(LidarConfig(range_max=5.0, fov=math.radians(1), beams=250)).beams < 100_000
+
+
 def test_unusable_worlds_and_poses_are_refused() -> None:
     config = SENSORS["short"]
     with pytest.raises(MapError, match="yaw"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import TimedPredictor, corners, play
+from layoutexplore.simulation.simulation import Simulation
 from tests.plans import HOUSE
 
 
@@ -78,6 +81,68 @@ def test_an_array_of_one_number_is_a_choice_as_policies_give_it() -> None:
         simulation.step(np.array(0.5))
     simulation.step(np.array(STOP))
     assert simulation.stop_reason == "agent"
+
+
+class Meddler:
+    """Goes to the nearest frontier; at its third decision, in a run of three or more, it does something."""
+
+    name = "meddler"
+
+    def __init__(self, meddle: Callable[[Decision], object]) -> None:
+        self._meddle = meddle
+
+    def reset(self, seed: int) -> None: ...
+
+    def act(self, decision: Decision) -> Any:
+        if decision.step == 2:
+            self._meddle(decision)
+        return 0
+
+    def predict(self, decision: Decision) -> Any:
+        return self._meddle(decision) if decision.step == 2 else decision
+
+
+def fill(array: NDArray[Any]) -> None:
+    array[:] = 0
+
+
+def leave(decision: Decision) -> None:
+    sys.exit(0)
+
+
+@pytest.mark.parametrize(
+    ("meddle", "error", "told"),
+    [
+        (
+            lambda decision: fill(decision.grid.cells),
+            ConfigError,
+            "agent 'meddler' has changed the robot's map",
+        ),
+        (lambda decision: fill(decision.track), ValueError, "read-only"),
+        (leave, SystemExit, "0"),
+    ],
+)
+def test_an_agent_that_breaks_off_is_named_with_its_decision(
+    meddle: Callable[[Decision], object], error: type[BaseException], told: str
+) -> None:
+    simulation, _ = prepare(house(), SimulationConfig(), "nearest")
+    with pytest.raises(error, match=told) as failed:
+        play(simulation, Meddler(meddle))
+    assert failed.value.__notes__ == ["(agent 'meddler', decision 2 on 'house')"]
+
+
+@pytest.mark.parametrize(
+    ("meddle", "told"),
+    [
+        (lambda decision: fill(decision.grid.cells), "'meddler' has changed the robot's map"),
+        (lambda decision: None, "what predictor 'meddler' makes of a decision must be a Decision, got None"),
+    ],
+)
+def test_a_predictor_answers_and_leaves_the_map(meddle: Callable[[Decision], object], told: str) -> None:
+    simulation = Simulation(house(), predictor=Meddler(meddle))
+    _, agent = prepare(house(), SimulationConfig(), "nearest")
+    with pytest.raises(ConfigError, match=told):
+        play(simulation, agent)
 
 
 STEPS = st.lists(st.tuples(st.integers(-1, 1), st.integers(-1, 1)), min_size=1, max_size=40)

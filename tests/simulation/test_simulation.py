@@ -36,6 +36,13 @@ def explore(sensor: str | LidarConfig, seed: int, **options: object) -> Simulati
     return simulation
 
 
+def test_a_sensor_that_sees_less_than_a_cell_is_refused() -> None:
+    lidar = LidarConfig(range_max=0.08, fov=2 * math.pi, beams=360)  # eight metres, in hundreds
+    with pytest.raises(ConfigError, match=r"range_max of 0.08 m is less than a cell's side"):
+        SimulationConfig(sensor=lidar)
+    assert SimulationConfig(sensor=lidar, resolution=0.05).lidar is lidar
+
+
 @pytest.mark.parametrize("sensor", ["stage", "indoor", "short", "mapex"])
 def test_explores_to_the_goal(sensor: str) -> None:
     simulation = explore(sensor, seed=1)
