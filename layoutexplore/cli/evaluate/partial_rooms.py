@@ -176,7 +176,7 @@ def print_summary(summary: Mapping[str, PredictorSummary]) -> None:
         typer.echo("median ms a decision: " + ", ".join(times))
 
 
-def _shown(value: float) -> str:
+def shown(value: float) -> str:
     """A number; a dash for what so few rooms do not tell."""
     return str(value) if isinstance(value, int) else "-" if math.isnan(value) else f"{value:.3f}"
 
@@ -190,7 +190,7 @@ def _print(what: str, stratum: str, summary: Mapping[str, PredictorSummary], col
     ]
     order = list(dict.fromkeys(level for level, _, _ in lines))
     rows = [
-        [level, name, *(_shown(getattr(line, column)) for column in columns)]
+        [level, name, *(shown(getattr(line, column)) for column in columns)]
         for level, name, line in sorted(lines, key=lambda entry: order.index(entry[0]))
     ]
     print_table([stratum, "predictor", *columns], rows, keys=2)

@@ -255,15 +255,14 @@ def _print_all(scores: Scores) -> None:
 
 def _print_parts(scores: Scores, part_of: Mapping[str, str]) -> None:
     """One line a part that was left out, for the predictor `layout`."""
+    from layoutexplore.cli.evaluate.partial_rooms import shown
+    from layoutexplore.cli.progress import print_table
     from layoutexplore.evaluation.partial_rooms_summary import summarise_parts
 
     lines = [asdict(line) for line in summarise_parts(scores, "layout", part_of)]
     if not lines:  # no room of theirs was half seen
         return
-    wide = max(len(line["part"]) for line in lines)
     columns = [name for name in lines[0] if name != "part"]
-    typer.echo(f"{'':<{wide}}" + "".join(f"{name:>19}" for name in columns))
-    for line in lines:
-        values = (f"{line[c]:>19d}" if isinstance(line[c], int) else f"{line[c]:>19.3f}" for c in columns)
-        typer.echo(f"{line['part']:<{wide}}" + "".join(values))
+    rows = [[line["part"], *(shown(line[column]) for column in columns)] for line in lines]
+    print_table(["part", *columns], rows)
     typer.echo("")
