@@ -114,7 +114,6 @@ def train_closed_doors(
     learnt = _learn_from(folder, plans or (), cache)
     buildings = len({source.building for source, _ in learnt})
     note = f"trained on {len(learnt)} maps of {buildings} buildings"
-    out.mkdir(parents=True, exist_ok=True)
     save(fit(samples for _, samples in learnt), out, note)
     typer.echo(f"{note}\nwritten: {out}")
 
