@@ -115,7 +115,8 @@ def worker_pool(workers: int, begin: Callable[[], object] = int) -> Iterator[Pro
             stop_pool(pool)
     except BrokenProcessPool as error:
         raise WorkerError(
-            f"one of {workers} worker processes was killed (out of memory?); fewer of them need less memory"
+            f"one of {workers} worker processes was killed (out of memory?); fewer of them (--jobs or "
+            "--workers) need less memory"
         ) from error
 
 

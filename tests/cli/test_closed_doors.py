@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -32,6 +34,22 @@ def test_command(closed_door_maps: Path, tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert {p.name for p in out.iterdir()} == {"office_1_doors_pred.png", "office_2_doors_pred.png"}
     assert len(json.loads(report.read_text())["maps"]) == 2
+
+
+def test_numbers_are_there_before_pictures(
+    closed_door_maps: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that is full of pictures loses no number."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("layoutexplore.report.studies.closed_doors.draw_panels", full)
+    out, numbers = tmp_path / "out", tmp_path / "numbers.json"
+    words = ["evaluate", "closed-doors", str(closed_door_maps), "--out", str(out), "--json", str(numbers)]
+    assert isinstance(CliRunner().invoke(app, words).exception, OSError)
+    assert len(json.loads(numbers.read_text())["maps"]) == 2
+    assert (out / "maps.csv").exists() and (out / "summary.csv").exists()
 
 
 def test_training_writes_both_models(closed_door_maps: Path, tmp_path: Path) -> None:

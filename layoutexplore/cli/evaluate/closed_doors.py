@@ -90,11 +90,11 @@ def closed_doors(
     _print(summary)
     note = f"every building was held out, in {groups} groups" if folds else NOTE
     typer.echo(f"note: {note}")
+    write_numbers(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
     written = []
     if report:
         written = write_closed_doors_report(out, triples, scores, summary, command=command_line(), note=note)
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
-    write_numbers(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
 
 
 def train_closed_doors(
