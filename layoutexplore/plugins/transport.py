@@ -70,7 +70,9 @@ def pack_own_code(*, registered: bool = True) -> OwnCode:
     return OwnCode(pins(), _pickled(entries) if entries else b"")
 
 
-_WITHOUT = 'one process needs none: --jobs 1, jobs=1, or backend="threads" of a vector environment'
+_WITHOUT = (
+    'one process needs none: --jobs 1, --workers 0, jobs=1, or backend="threads" of a vector environment'
+)
 
 
 @contextlib.contextmanager

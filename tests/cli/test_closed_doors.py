@@ -14,7 +14,8 @@ from layoutexplore.cli import app
 from layoutexplore.closed_doors.doors import DOOR_FEATURES
 from layoutexplore.closed_doors.features import FEATURES
 from layoutexplore.closed_doors.models import AGREEMENT, DOOR
-from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.errors import ConfigError, MapError, ResultsError
+from layoutexplore.files.locking import LOCK, held
 from layoutexplore.models.forest_files import load_forests
 
 
@@ -50,6 +51,16 @@ def test_numbers_are_there_before_pictures(
     assert isinstance(CliRunner().invoke(app, words).exception, OSError)
     assert len(json.loads(numbers.read_text())["maps"]) == 2
     assert (out / "maps.csv").exists() and (out / "summary.csv").exists()
+
+
+def test_of_two_studies_in_one_folder_the_second_is_refused(closed_door_maps: Path, tmp_path: Path) -> None:
+    """The page of each would show the predictions of both."""
+    words = ["evaluate", "closed-doors", str(closed_door_maps), "--out", str(tmp_path / "out")]
+    with held(tmp_path / "out", "study"):
+        second = CliRunner().invoke(app, words)
+        assert isinstance(second.exception, ResultsError) and "another study" in str(second.exception)
+        assert [path.name for path in (tmp_path / "out").iterdir()] == [LOCK]
+    assert not (tmp_path / "out").exists()
 
 
 def test_training_writes_both_models(closed_door_maps: Path, tmp_path: Path) -> None:
