@@ -94,6 +94,14 @@ def starting_workers() -> Iterator[None]:
         ) from error
 
 
+def worker_killed(workers: int) -> WorkerError:
+    """What is told where one of so many worker processes was killed."""
+    return WorkerError(
+        f"one of {workers} worker processes was killed (out of memory?); fewer of them (--jobs or --workers) "
+        "need less memory"
+    )
+
+
 @contextlib.contextmanager
 def worker_pool(workers: int, begin: Callable[[], object] = int) -> Iterator[ProcessPoolExecutor]:
     """Worker processes that know the user's own code; they end with the block, whatever they are doing.
@@ -116,10 +124,7 @@ def worker_pool(workers: int, begin: Callable[[], object] = int) -> Iterator[Pro
         finally:
             stop_pool(pool)
     except BrokenProcessPool as error:
-        raise WorkerError(
-            f"one of {workers} worker processes was killed (out of memory?); fewer of them (--jobs or "
-            "--workers) need less memory"
-        ) from error
+        raise worker_killed(workers) from error
 
 
 @contextlib.contextmanager
