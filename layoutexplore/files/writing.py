@@ -66,7 +66,10 @@ def all_or_none(folder: Path) -> Iterator[Path]:
         folder.mkdir(parents=True, exist_ok=True)
         try:
             with tempfile.TemporaryDirectory(prefix=".", suffix=HALF, dir=folder) as beside:
-                yield Path(beside)
+                try:
+                    yield Path(beside)
+                except WriteError as error:
+                    raise WriteError(str(error).replace(beside, str(folder))) from error
                 for file in sorted(Path(beside).iterdir()):
                     put_in_place(file, folder / file.name)
         finally:

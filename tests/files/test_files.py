@@ -62,8 +62,11 @@ def test_files_that_belong_together_are_replaced_together(tmp_path: Path) -> Non
     assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(kept, "2") | {
         "other": "mine"
     }
-    with pytest.raises(WriteError, match=f"{folder / 'other'}: cannot write"), all_or_none(folder / "other"):
+    with pytest.raises(WriteError, match=f"^{folder / 'other'}: cannot write"), all_or_none(folder / "other"):
         pass
+    with pytest.raises(WriteError, match=f"^{folder / 'trees'}: cannot write"), all_or_none(folder) as beside:
+        (beside / "trees").mkdir()
+        write_atomically(beside / "trees", "3")
 
 
 def test_what_cannot_be_written_is_an_error_of_maps_and_of_results(tmp_path: Path) -> None:
