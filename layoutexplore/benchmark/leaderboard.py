@@ -72,6 +72,9 @@ class LeftOut:
     folder: Path
     reason: str
 
+    def __str__(self) -> str:
+        return f"{f'{self.folder} {self.agent}'.rstrip()}: {self.reason}"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Standing:
@@ -148,7 +151,7 @@ def make_leaderboard(
                 entrants[found.agent] = found
     baseline = suite.config().baseline
     if baseline not in entrants:
-        reasons = "".join(f"\n  {out.folder} {out.agent}: {out.reason}" for out in left_out)
+        reasons = "".join(f"\n  {out}" for out in left_out)
         raise ResultsError(f"there are no results of {baseline} to compare with in these folders{reasons}")
     buildings = {name: plan.building for name, plan in suite.plans.items()}
     return Leaderboard(

@@ -276,19 +276,21 @@ def column_meanings() -> list[tuple[str, str]]:
 
 
 _OF_TYPE: dict[str, Callable[[str], Any]] = {
-    "int": lambda text: _bounded(int(text)),
-    "float": lambda text: _bounded(float(text)) if text else NAN,
+    "int": lambda text: _bounded(int(text), 0),
+    "float": lambda text: _bounded(float(text), 0) if text else NAN,
     "bool": {"True": True, "False": False}.__getitem__,
     "str": str,
 }
-_CONVERTERS = {f.name: _OF_TYPE[str(f.type)] for f in dataclasses.fields(Row)}
+_CONVERTERS = {f.name: _OF_TYPE[str(f.type)] for f in dataclasses.fields(Row)} | dict.fromkeys(
+    ("start_x", "start_y", "start_theta"), lambda text: _bounded(float(text), -_LARGEST) if text else NAN
+)
 """By column, what makes a value of a text."""
 
 
-def _bounded(value: float) -> float:
+def _bounded(value: float, least: float) -> float:
     """A number that is finite and no larger than any metre, second or count can be."""
-    if not abs(value) <= _LARGEST:
-        raise ValueError(f"{shortened(value)} is too large")
+    if not least <= value <= _LARGEST:
+        raise ValueError(f"{shortened(value)} is too large or too small")
     return value
 
 

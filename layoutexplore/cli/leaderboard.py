@@ -43,6 +43,6 @@ def leaderboard(
     check_places(out)
     board = make_leaderboard(folders, load_suite(suite), repeat=repeat, say=typer.echo)
     for left_out in board.left_out:
-        typer.echo(f"left out: {left_out.folder} {left_out.agent}: {left_out.reason}")
+        typer.echo(f"left out: {left_out}")
     for path in write_leaderboard(board, out):
         typer.echo(f"wrote {path}")

@@ -14,6 +14,7 @@ from layoutexplore.files.reading import fingerprint, is_there, read_bytes, read_
 from layoutexplore.files.tables import parse_csv, read_csv, write_csv
 from layoutexplore.files.writing import (
     HALF,
+    all_or_none,
     atomic,
     is_special,
     put_in_place,
@@ -25,6 +26,7 @@ from layoutexplore.files.writing import (
 __all__ = [
     "HALF",
     "ArrayRule",
+    "all_or_none",
     "atomic",
     "check_file",
     "check_kept",

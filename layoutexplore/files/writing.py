@@ -11,7 +11,7 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,35 @@ def atomic(path: Path) -> Iterator[Path]:
     finally:
         if temporary:
             temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+@checks_arguments
+def all_or_none(folder: Path) -> Iterator[Path]:
+    """An empty folder whose files replace those of `folder` when the block ends well, and vanish otherwise.
+
+    For files that belong together: whoever stops the block, or a full disk, leaves those that were there.
+
+    Raises:
+        WriteError: A file cannot be written.
+    """
+    try:
+        made = not folder.exists()
+        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            with tempfile.TemporaryDirectory(prefix=".", suffix=HALF, dir=folder) as beside:
+                try:
+                    yield Path(beside)
+                except WriteError as error:
+                    raise WriteError(str(error).replace(beside, str(folder))) from error
+                for file in sorted(Path(beside).iterdir()):
+                    put_in_place(file, folder / file.name)
+        finally:
+            if made:
+                with suppress(OSError):  # what is not empty stays
+                    folder.rmdir()
+    except OSError as error:
+        raise WriteError(f"{folder}: cannot write: {error.strerror or error}") from error
 
 
 def _half_written(path: Path) -> Path:

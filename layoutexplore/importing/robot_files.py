@@ -16,7 +16,7 @@ from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import checks_arguments
-from layoutexplore.files import write_atomically, write_json
+from layoutexplore.files import all_or_none, write_atomically, write_json
 from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import depth_inside
@@ -155,9 +155,7 @@ def write_robot_files(
         WriteError: A file cannot be written.
     """
     folder = Path(folder)
-    save_grid(building.grid, folder / "map.yaml")
     graph = room_graph(building, radius=radius)
-    write_json(folder / "graph.json", graph)
     origin = building.grid.origin
     features = [
         _feature(_outline(room, origin), "room", id=room.id, label=room.label) for room in building.plan.rooms
@@ -176,7 +174,10 @@ def write_robot_files(
             _feature(shape, edge["kind"], id=edge["id"], rooms=edge["rooms"], width=edge["width"])
         )
     collection = {"type": "FeatureCollection", "features": features}
-    write_atomically(folder / "rooms.geojson", json.dumps(collection) + "\n")
+    with all_or_none(folder) as beside:  # rooms and goals of another map would lead a robot astray
+        save_grid(building.grid, beside / "map.yaml")
+        write_json(beside / "graph.json", graph)
+        write_atomically(beside / "rooms.geojson", json.dumps(collection) + "\n")
     return [folder / name for name in ROBOT_FILES]
 
 

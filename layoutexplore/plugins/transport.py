@@ -70,7 +70,9 @@ def pack_own_code(*, registered: bool = True) -> OwnCode:
     return OwnCode(pins(), _pickled(entries) if entries else b"")
 
 
-_WITHOUT = 'one process needs none: --jobs 1, jobs=1, or backend="threads" of a vector environment'
+_WITHOUT = (
+    'one process needs none: --jobs 1, --workers 0, jobs=1, or backend="threads" of a vector environment'
+)
 
 
 @contextlib.contextmanager
@@ -90,6 +92,14 @@ def starting_workers() -> Iterator[None]:
             f"cannot start worker processes ({cause(error)}): they need room in /dev/shm, open files "
             f"(ulimit -n) and processes (ulimit -u); {_WITHOUT}"
         ) from error
+
+
+def worker_killed(workers: int) -> WorkerError:
+    """What is told where one of so many worker processes was killed."""
+    return WorkerError(
+        f"one of {workers} worker processes was killed (out of memory?); fewer of them (--jobs or --workers) "
+        "need less memory"
+    )
 
 
 @contextlib.contextmanager
@@ -114,9 +124,7 @@ def worker_pool(workers: int, begin: Callable[[], object] = int) -> Iterator[Pro
         finally:
             stop_pool(pool)
     except BrokenProcessPool as error:
-        raise WorkerError(
-            f"one of {workers} worker processes was killed (out of memory?); fewer of them need less memory"
-        ) from error
+        raise worker_killed(workers) from error
 
 
 @contextlib.contextmanager

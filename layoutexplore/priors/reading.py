@@ -6,12 +6,13 @@ import contextlib
 import dataclasses
 import math
 import os
+import warnings
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from layoutexplore.errors import MapError, MissingExtraError, checks_arguments
+from layoutexplore.errors import MapError, MapWarning, MissingExtraError, checks_arguments
 from layoutexplore.files.images import read_pixels
 from layoutexplore.files.reading import is_file, is_there
 from layoutexplore.grids.arrays import Bytes, Mask
@@ -212,7 +213,9 @@ def _walls_of(image: Bytes, pixel: float, config: BlueprintConfig) -> OccupancyG
     """The picture as a grid; without the OCR, words are told from walls by their size alone."""
     try:
         return grid_from_blueprint(image, pixel, config=config)
-    except MissingExtraError:
+    except MissingExtraError as error:
+        text = f"words on the picture of a prior plan are erased by their size alone: {error}"
+        warnings.warn(text, MapWarning, stacklevel=2)
         return grid_from_blueprint(image, pixel, config=dataclasses.replace(config, words=False))
 
 

@@ -24,7 +24,7 @@ from layoutexplore.closed_doors.models import AGREEMENT, DOOR, DOOR_MODEL, ROOM_
 from layoutexplore.closed_doors.prediction import find_closed_doors, turned_scenes
 from layoutexplore.closed_doors.scene import Scene, integral
 from layoutexplore.errors import LayoutExploreError, ResultsError
-from layoutexplore.files import ArrayRule, read_arrays, safe_name, write_arrays
+from layoutexplore.files import ArrayRule, all_or_none, read_arrays, safe_name, write_arrays
 from layoutexplore.files.reading import is_file
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, in_cells
@@ -319,6 +319,7 @@ def collect_all(
 
 
 def save(models: Models, folder: Path, note: str) -> None:
-    """Write both forests."""
-    save_forests(folder / DOOR_MODEL.name, {DOOR: models.doors}, DOOR_FEATURES, note)
-    save_forests(folder / ROOM_MODEL.name, {AGREEMENT: models.rooms}, FEATURES, note)
+    """Write both forests, or none."""
+    with all_or_none(folder) as beside:
+        save_forests(beside / DOOR_MODEL.name, {DOOR: models.doors}, DOOR_FEATURES, note)
+        save_forests(beside / ROOM_MODEL.name, {AGREEMENT: models.rooms}, FEATURES, note)

@@ -282,12 +282,9 @@ def rooms_of(folder: str) -> dict[str, bytes]:
 
 
 def write_rooms(folder: Path, taken: Mapping[str, bytes]) -> None:
-    """Write what `rooms_of` found into a folder of models; a network that it did not find goes."""
+    """Write what `rooms_of` found into a folder of models."""
     from layoutexplore.files import write_atomically
-    from layoutexplore.predictors.learned import CELL_NETWORK
 
-    if CELL_NETWORK.name not in taken:
-        (folder / CELL_NETWORK.name).unlink(missing_ok=True)
     for name, model in taken.items():
         write_atomically(folder / name, model)
 

@@ -68,6 +68,8 @@ def test_other_cells_are_left_out(suite: Suite, whole: Path, tmp_path: Path) -> 
     run_benchmark(dataclasses.replace(config, agents=("nearest",)), tmp_path / "other")
     said = reasons(tmp_path / "other", suite, whole)
     assert said[""] == "other cells than the suite's: different seed"
+    with pytest.raises(ResultsError, match=f"\n  {tmp_path / 'other'}: other cells"):
+        make_leaderboard([tmp_path / "other"], suite)
     assert "no run.toml" in reasons(tmp_path / "nowhere", suite, whole)[""]
 
 

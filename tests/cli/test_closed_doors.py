@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,8 @@ from layoutexplore.cli import app
 from layoutexplore.closed_doors.doors import DOOR_FEATURES
 from layoutexplore.closed_doors.features import FEATURES
 from layoutexplore.closed_doors.models import AGREEMENT, DOOR
-from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.errors import ConfigError, MapError, ResultsError
+from layoutexplore.files.locking import LOCK, held
 from layoutexplore.models.forest_files import load_forests
 
 
@@ -32,6 +35,32 @@ def test_command(closed_door_maps: Path, tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert {p.name for p in out.iterdir()} == {"office_1_doors_pred.png", "office_2_doors_pred.png"}
     assert len(json.loads(report.read_text())["maps"]) == 2
+
+
+def test_numbers_are_there_before_pictures(
+    closed_door_maps: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that is full of pictures loses no number."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("layoutexplore.report.studies.closed_doors.draw_panels", full)
+    out, numbers = tmp_path / "out", tmp_path / "numbers.json"
+    words = ["evaluate", "closed-doors", str(closed_door_maps), "--out", str(out), "--json", str(numbers)]
+    assert isinstance(CliRunner().invoke(app, words).exception, OSError)
+    assert len(json.loads(numbers.read_text())["maps"]) == 2
+    assert (out / "maps.csv").exists() and (out / "summary.csv").exists()
+
+
+def test_of_two_studies_in_one_folder_the_second_is_refused(closed_door_maps: Path, tmp_path: Path) -> None:
+    """The page of each would show the predictions of both."""
+    words = ["evaluate", "closed-doors", str(closed_door_maps), "--out", str(tmp_path / "out")]
+    with held(tmp_path / "out", "study"):
+        second = CliRunner().invoke(app, words)
+        assert isinstance(second.exception, ResultsError) and "another study" in str(second.exception)
+        assert [path.name for path in (tmp_path / "out").iterdir()] == [LOCK]
+    assert not (tmp_path / "out").exists()
 
 
 def test_training_writes_both_models(closed_door_maps: Path, tmp_path: Path) -> None:

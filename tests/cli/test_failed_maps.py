@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,7 +14,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from layoutexplore.cli import app
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, WorkerError
+from layoutexplore.evaluation.segmentation import evaluate_cases
+from layoutexplore.plugins.transport import worker_pool
 from layoutexplore.training.map_noise.files import describe_folders
 from tests.maps.test_painted_rooms import paint
 
@@ -53,6 +58,26 @@ def test_rooms_of_the_other_maps_are_scored(maps: Path, tmp_path: Path) -> None:
     folds = evaluate("segmentation", maps, *held_out)
     assert failed(folds, "cut_off.png", "unpainted_gt.png", "void.png"), folds.output
     assert folds.output.count("default:") == 2
+
+
+def test_what_is_scored_stays_where_a_worker_dies(
+    maps: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def dying(*arguments: Any, **options: Any) -> Iterator[Any]:
+        if options["jobs"] == 2:
+            yield next(evaluate_cases(*arguments, **options))
+        with worker_pool(1) as pool:
+            pool.submit(os._exit, 1).result()
+
+    monkeypatch.setattr("layoutexplore.evaluation.segmentation.evaluate_cases", dying)
+    numbers = tmp_path / "numbers.json"
+    command = ["segmentation", maps, "-m", "doorways", "--json", numbers]
+    nothing = evaluate(*command)
+    assert isinstance(nothing.exception, WorkerError) and not numbers.exists()
+    result = evaluate(*command, "--jobs=2")
+    assert failed(result, "cut_off.png", "unpainted_gt.png", "void.png", "after barn: one of 1 worker")
+    said = json.loads(numbers.read_text())
+    assert [row["map"] for row in said["maps"]] == ["barn"] and "fewer of them (--jobs" in said["failed"][-1]
 
 
 def table(folder: Path) -> Path:

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from layoutexplore import cli
 from layoutexplore.agents import make_agent
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, WriteError
 from layoutexplore.evaluation.partial_rooms import find_items, score_predictors
 from layoutexplore.evaluation.partial_rooms_summary import (
     calibration_error,
@@ -96,6 +96,22 @@ def test_command(plan: FloorPlan, tmp_path: Path) -> None:
     rooms = json.loads(found.read_text())["rooms"]
     result = CliRunner().invoke(cli.app, ["evaluate", "partial-rooms", *arguments, "-s", "short"])
     assert result.exit_code == 0 and json.loads(found.read_text())["rooms"] == rooms
+
+
+def test_numbers_are_there_before_the_page(
+    plan: FloorPlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A disk that is full of pictures loses no number."""
+
+    def full(*_: object, **__: object) -> None:
+        raise WriteError("full")
+
+    monkeypatch.setattr("layoutexplore.report.studies.partial_rooms.write_partial_rooms_report", full)
+    path, found = tmp_path / "flat.geojson", tmp_path / "found.json"
+    save_plan(plan, path)
+    arguments = [str(path), "-p", "none", "-s", "short", "--json", str(found), "--out", str(tmp_path / "out")]
+    result = CliRunner().invoke(cli.app, ["evaluate", "partial-rooms", *arguments])
+    assert isinstance(result.exception, WriteError) and json.loads(found.read_text())["rooms"]
 
 
 def test_two_of_ones_own_predictors_with_one_name_are_told_apart(plan: FloorPlan, tmp_path: Path) -> None:

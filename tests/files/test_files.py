@@ -12,6 +12,7 @@ import pytest
 
 from layoutexplore.errors import ConfigError, MapError, ResultsError, WriteError
 from layoutexplore.files import (
+    all_or_none,
     atomic,
     is_whole,
     read_arrays,
@@ -36,6 +37,36 @@ def test_a_file_is_whole_or_as_it_was(tmp_path: Path) -> None:
         temporary.write_text("half")
         raise RuntimeError
     assert path.read_bytes() == b"one\n" and [p.name for p in path.parent.iterdir()] == ["a.txt"]
+
+
+def test_files_that_belong_together_are_replaced_together(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "models"
+
+    def write(text: str, *, stopped: bool) -> None:
+        with all_or_none(folder) as beside:
+            write_atomically(beside / "trees", text)
+            if stopped:
+                raise KeyboardInterrupt
+            write_atomically(beside / "networks", text)
+
+    with pytest.raises(KeyboardInterrupt):
+        write("1", stopped=True)
+    assert not folder.exists()
+    write("1", stopped=False)
+    (folder / "other").write_text("mine")
+    with pytest.raises(KeyboardInterrupt):
+        write("2", stopped=True)
+    kept = {path.name: path.read_text() for path in folder.iterdir()}
+    assert kept == {"trees": "1", "networks": "1", "other": "mine"}
+    write("2", stopped=False)
+    assert {path.name: path.read_text() for path in folder.iterdir()} == dict.fromkeys(kept, "2") | {
+        "other": "mine"
+    }
+    with pytest.raises(WriteError, match=f"^{folder / 'other'}: cannot write"), all_or_none(folder / "other"):
+        pass
+    with pytest.raises(WriteError, match=f"^{folder / 'trees'}: cannot write"), all_or_none(folder) as beside:
+        (beside / "trees").mkdir()
+        write_atomically(beside / "trees", "3")
 
 
 def test_what_cannot_be_written_is_an_error_of_maps_and_of_results(tmp_path: Path) -> None:

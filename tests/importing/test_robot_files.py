@@ -16,6 +16,7 @@ from scipy.cluster.hierarchy import DisjointSet
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from layoutexplore.errors import WriteError
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.image_map import grid_from_image
 from layoutexplore.grids.ros_map import load_grid
@@ -49,6 +50,22 @@ def test_a_robot_gets_map_rooms_doors_and_graph_in_the_frame_of_its_map(tmp_path
         assert 0.8 < edge["width"] < 1.0
         assert all(outlines[room].distance(shapely.Point(edge["place"])) < 0.3 for room in edge["rooms"])
     assert sorted(f["properties"]["kind"] for f in features) == ["door"] * 3 + ["goal"] * 4 + ["room"] * 4
+
+
+def test_a_robot_gets_all_files_or_keeps_those_it_has(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rooms and goals of another map would lead it astray."""
+    write_robot_files(building_of_plan(load_plan("office:1")), tmp_path)
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+
+    def full(*_: object) -> None:
+        raise WriteError("no space")
+
+    monkeypatch.setattr("layoutexplore.importing.robot_files.write_json", full)
+    with pytest.raises(WriteError, match="no space"):
+        write_robot_files(building_of_plan(load_plan("office:2")), tmp_path)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
 def test_goals_are_away_from_walls_and_reachable() -> None:

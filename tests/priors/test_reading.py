@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from layoutexplore.errors import LayoutExploreError, MapError
+from layoutexplore.errors import LayoutExploreError, MapError, MapWarning, MissingExtraError
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
 from layoutexplore.priors.plan import PriorHints, PriorPlan
 from layoutexplore.priors.reading import paper_share, prior_of_picture, read_prior
@@ -71,6 +71,17 @@ def test_the_picture_is_read_back() -> None:
     left, bottom = read.corner
     at = np.floor(np.stack([pixels[:, 0] - left, bottom - pixels[:, 1]], 1) * read.pixels / prior.resolution)
     assert prior.free[at[:, 1].astype(int), at[:, 0].astype(int)].mean() >= 0.8
+
+
+def test_a_reading_of_words_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The plan is another one then: of two machines, or where memory was short."""
+
+    def killed(*_: object) -> None:
+        raise MissingExtraError("tesseract has failed")
+
+    monkeypatch.setattr("layoutexplore.layout.blueprint.find_words", killed)
+    with pytest.warns(MapWarning, match="words .* by their size alone: tesseract has failed"):
+        assert prior_of_picture(sheet()).prior.rooms >= 8
 
 
 def test_a_told_scale_is_kept() -> None:

@@ -17,6 +17,7 @@ from layoutexplore.predictors.learned import CELL_MODEL, CELL_NETWORK, FRONTIER_
 from layoutexplore.training.predictor import (
     ExplorationConfig,
     Explored,
+    NetworkTrainer,
     buildings_of,
     buildings_of_words,
     explore_plans,
@@ -77,6 +78,35 @@ def test_training_from_the_command_line(tmp_path: Path) -> None:
     assert CliRunner().invoke(cli.app, [*taken, "--rooms-of", str(bare)]).exit_code == 0
     assert not (out / CELL_NETWORK.name).exists(), "no network stays that the folder has not"
     assert (out / FRONTIER_NETWORK.name).exists()
+
+
+def test_a_stopped_training_leaves_the_models_before_as_they_were(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """New trees beside networks of an earlier training would be loaded as one predictor."""
+    save_plan(floorplan_from_ascii(THREE_OFFICES, resolution=0.9, name="north"), tmp_path / "north.geojson")
+    out = tmp_path / "models"
+    command = [
+        "evaluate",
+        "train-predictor",
+        str(tmp_path / "north.geojson"),
+        "--stops",
+        "2",
+        "--out",
+        str(out),
+    ]
+    steps = [part for name in ("first-steps", "steps", "frontier-steps") for part in (f"--{name}", "2")]
+    assert CliRunner().invoke(cli.app, [*command, *steps, "--trees", "4"]).exit_code == 0
+    before = {path: path.read_bytes() for path in out.iterdir()}
+
+    def stop(*arguments: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(NetworkTrainer, "write", stop)
+    assert CliRunner().invoke(cli.app, [*command, *steps, "--trees", "8"]).exit_code != 0
+    monkeypatch.setattr("layoutexplore.training.predictor_forests.fit_cell_forests", stop)
+    assert CliRunner().invoke(cli.app, [*command, "--no-network", "--trees", "8"]).exit_code != 0
+    assert {path: path.read_bytes() for path in out.iterdir()} == before
 
 
 def test_what_does_not_go_together_is_refused(tmp_path: Path) -> None:

@@ -65,6 +65,7 @@ def closed_doors(
         held_out_groups,
         summarise_closed_doors,
     )
+    from layoutexplore.files.locking import held
     from layoutexplore.maps.closed_door_maps import find_triples
     from layoutexplore.processes import command_line
     from layoutexplore.report.studies.closed_doors import write_closed_doors_report
@@ -84,18 +85,21 @@ def closed_doors(
         )
     else:
         results = evaluate(triples, resolution=resolution, out=out, jobs=jobs)
-    for triple, score in zip(triples, results, strict=True):
-        scores.append(score)
-        typer.echo(f"{triple.name}: {_line(score)}")
-    summary = summarise_closed_doors(scores)
-    _print(summary)
-    note = f"every building was held out, in {groups} groups" if folds else NOTE
-    typer.echo(f"note: {note}")
-    written = []
-    if report:
-        written = write_closed_doors_report(out, triples, scores, summary, command=command_line(), note=note)
+    with held(out, "study"):
+        for triple, score in zip(triples, results, strict=True):
+            scores.append(score)
+            typer.echo(f"{triple.name}: {_line(score)}")
+        summary = summarise_closed_doors(scores)
+        _print(summary)
+        note = f"every building was held out, in {groups} groups" if folds else NOTE
+        typer.echo(f"note: {note}")
+        write_numbers(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
+        written = []
+        if report:
+            written = write_closed_doors_report(
+                out, triples, scores, summary, command=command_line(), note=note
+            )
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
-    write_numbers(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
 
 
 def train_closed_doors(
@@ -115,7 +119,6 @@ def train_closed_doors(
     learnt = _learn_from(folder, plans or (), cache)
     buildings = len({source.building for source, _ in learnt})
     note = f"trained on {len(learnt)} maps of {buildings} buildings"
-    out.mkdir(parents=True, exist_ok=True)
     save(fit(samples for _, samples in learnt), out, note)
     typer.echo(f"{note}\nwritten: {out}")
 

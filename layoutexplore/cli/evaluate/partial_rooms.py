@@ -111,15 +111,15 @@ def partial_rooms(
     print_summary(summary)
     if "layout" in names:
         typer.echo(f"note: {NOTE}")
-    if out is not None:
-        written = write_partial_rooms_report(out, scores, summary, gallery, command=command_line())
-        typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
     data = {
         "summary": {name: asdict(part) for name, part in summary.items()},
         "rooms": [asdict(r) for r in scores.rooms],
         "ms": scores.milliseconds,
     }
     write_numbers(json_file, data | {"frontiers": [asdict(f) for f in scores.frontiers]}, indent=None)
+    if out is not None:
+        written = write_partial_rooms_report(out, scores, summary, gallery, command=command_line())
+        typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
 
 
 def judge_explorations(

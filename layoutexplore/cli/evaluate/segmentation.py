@@ -123,7 +123,7 @@ def segmentation(
         results = _scores_held_out(cases, config, by_source=leave_out is not None)
     else:
         results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
-    collected = _collect(results)
+    collected = _collect(results, failed)
     _print_all([row for _, row, _ in collected], by_source=leave_out is not None)
     held_out = "each source left out" if leave_out else f"{folds} folds of buildings" if folds else ""
     said = {"protocol": protocol, "resolution": resolution, "held_out": held_out, "failed": failed}
@@ -144,13 +144,20 @@ def _check_known(protocol: str, methods: Iterable[str]) -> None:
 
 
 def _collect(
-    results: Iterable[tuple[Case, MapScore, NDArray[np.int32]]],
+    results: Iterable[tuple[Case, MapScore, NDArray[np.int32]]], failed: list[str]
 ) -> list[tuple[Case, MapScore, NDArray[np.int32]]]:
-    """All results, each printed as it comes."""
+    """All results, each printed as it comes; where a worker dies, those before, and `failed` tells of it."""
+    from layoutexplore.errors import WorkerError
+
     collected = []
-    for result in results:
-        collected.append(result)
-        typer.echo(_line(result[1]))
+    try:
+        for result in results:
+            collected.append(result)
+            typer.echo(_line(result[1]))
+    except WorkerError as error:
+        if not collected:
+            raise
+        failed.append(f"what comes after {collected[-1][0].name}: {error}")
     return collected
 
 

@@ -99,7 +99,7 @@ def train_predictor(
     Plans that do not come from files are trained on in every fold and tested in none.
     """
     from layoutexplore.errors import require
-    from layoutexplore.files import check_places
+    from layoutexplore.files import all_or_none, check_places
     from layoutexplore.training import predictor
     from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
     from layoutexplore.training.predictor_samples import join_samples
@@ -124,14 +124,13 @@ def train_predictor(
     trainer = predictor.NetworkTrainer(seen, groups, *lengths, _steps_line, rooms=rooms) if network else None
 
     def train(folder: Path, wanted: Callable[[str], bool], unseen: Mapping[str, str]) -> None:
-        if samples:
-            train_models(samples.of_buildings(wanted), folder, unseen, config)
-        if trainer:
-            trainer.write(folder, wanted)
-        else:
+        with all_or_none(folder) as models:
+            if samples:
+                train_models(samples.of_buildings(wanted), models, unseen, config)
+            if trainer:
+                trainer.write(models, wanted)
+            predictor.write_rooms(models, taken)
             predictor.forget_networks(folder)
-        if taken:
-            predictor.write_rooms(folder, taken)
         without = f", trained without {', '.join(sorted(set(unseen.values())))}" if unseen else ""
         typer.echo(f"written: {folder}{without}")
 

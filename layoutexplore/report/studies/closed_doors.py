@@ -111,6 +111,8 @@ def write_closed_doors_report(
         The files written, the page first.
     """
     (out / "pictures").mkdir(parents=True, exist_ok=True)
+    write_csv(out / "maps.csv", [_row(score) for score in scores])
+    write_csv(out / "summary.csv", summary)
     cards = []
     for triple, score in sorted(
         zip(triples, scores, strict=True), key=lambda pair: (pair[1].ours.iou, pair[0].name)
@@ -125,8 +127,6 @@ def write_closed_doors_report(
                 score, tuple(Panel(_caption(name, score), png_uri(_smaller(image))) for name, image in panels)
             )
         )
-    write_csv(out / "maps.csv", [_row(score) for score in scores])
-    write_csv(out / "summary.csv", summary)
     overall = {(line["group"], line["method"]): line for line in summary}
     page = render(
         "studies/closed_doors.html",

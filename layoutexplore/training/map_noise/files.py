@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.files import read_toml, safe_name, write_atomically, write_csv
+from layoutexplore.files import all_or_none, read_toml, safe_name, write_atomically, write_csv
 from layoutexplore.files.schema import Items, Number, Record
 from layoutexplore.grids.arrays import Bytes, Floats
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
@@ -78,23 +78,24 @@ def read_noise(path: Path) -> MapNoiseConfig:
 
 
 def write_cases(made: SimulatedMaps, folder: Path) -> int:
-    """Write maps as `evaluate segmentation` reads them, with their scales and what they are maps of.
+    """Write maps as `evaluate segmentation` reads them, with their scales and what they are maps of, or none.
 
     The scales stand in index.csv (`file`, `m_per_px`), the buildings in buildings.csv (`map`, `building`).
 
     Returns the number of maps written: one in which no room is seen is left out.
     """
     lines, scales = [], []
-    for k, (one, building) in enumerate(zip(made.maps, made.buildings, strict=True)):
-        if not ((one.rooms > 0) & (one.cells == FREE)).any():
-            continue
-        name = f"{safe_name(building)}_{k:03d}"
-        write_atomically(folder / f"{name}.png", encode_png(_picture(one)))
-        write_atomically(folder / f"{name}{TRUTH_SUFFIX}.png", encode_png(_painted(one)))
-        lines.append({"map": name, "building": building})
-        scales.append({"file": f"{name}.png", "m_per_px": float(one.resolution)})
-    write_csv(folder / "buildings.csv", lines, columns=["map", "building"], digits=None)
-    write_csv(folder / INDEX, scales, columns=["file", "m_per_px"], digits=None)
+    with all_or_none(folder) as beside:
+        for k, (one, building) in enumerate(zip(made.maps, made.buildings, strict=True)):
+            if not ((one.rooms > 0) & (one.cells == FREE)).any():
+                continue
+            name = f"{safe_name(building)}_{k:03d}"
+            write_atomically(beside / f"{name}.png", encode_png(_picture(one)))
+            write_atomically(beside / f"{name}{TRUTH_SUFFIX}.png", encode_png(_painted(one)))
+            lines.append({"map": name, "building": building})
+            scales.append({"file": f"{name}.png", "m_per_px": float(one.resolution)})
+        write_csv(beside / "buildings.csv", lines, columns=["map", "building"], digits=None)
+        write_csv(beside / INDEX, scales, columns=["file", "m_per_px"], digits=None)
     return len(lines)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass, replace
@@ -17,6 +18,7 @@ from torch.utils.data import DataLoader, Dataset
 from layoutexplore.agents.rl.networks.training_state import chosen_device
 from layoutexplore.errors import ConfigError
 from layoutexplore.layout.merging.separator.network import LAYERS, OUTPUTS, OUTSIDE, THING
+from layoutexplore.plugins.transport import worker_killed
 from layoutexplore.training.folds import Progress, silent
 from layoutexplore.training.separator.crops import stacked_crops
 from layoutexplore.training.separator.examples import SeparatorExample
@@ -93,6 +95,7 @@ def fit_separator(
 
     Raises:
         ConfigError: There is no map, or no such device.
+        WorkerError: A worker was killed.
     """
     if not examples:
         raise ConfigError("there is no map to learn borders from: simulate more of them, or of other plans")
@@ -115,16 +118,21 @@ def fit_separator(
         each = (wrong * weight).sum((0, 2, 3)) / weight.sum((0, 2, 3)).clamp(min=1.0)
         return (each * scale).sum(), each.mean()
 
-    fit_network(
-        network,
-        losses,
-        steps=config.steps,
-        rate=config.rate,
-        decay=config.decay,
-        progress=progress,
-        kept=kept,
-        device=device,
-    )
+    try:
+        fit_network(
+            network,
+            losses,
+            steps=config.steps,
+            rate=config.rate,
+            decay=config.decay,
+            progress=progress,
+            kept=kept,
+            device=device,
+        )
+    except RuntimeError as error:  # torch has no error of its own for it
+        if "DataLoader worker (pid" not in str(error):
+            raise
+        raise worker_killed(config.workers) from error
     return network
 
 
@@ -145,15 +153,18 @@ def _batches(
     examples: Sequence[SeparatorExample], config: SeparatorTrainingConfig, first: int
 ) -> Iterator[tuple[torch.Tensor, ...]]:
     """The crops of the steps from `first` on, in order; workers share the maps that this process has read."""
-    return iter(
-        DataLoader(
-            _Steps(examples, config),
-            batch_size=None,
-            sampler=range(first, config.steps),
-            num_workers=config.workers,
-            multiprocessing_context="fork" if config.workers and "fork" in get_all_start_methods() else None,
-        )
+    loader = DataLoader(
+        _Steps(examples, config),
+        batch_size=None,
+        sampler=range(first, config.steps),
+        num_workers=config.workers,
+        multiprocessing_context="fork" if config.workers and "fork" in get_all_start_methods() else None,
     )
+    try:
+        yield from loader
+    except (ConnectionError, EOFError) as error:  # a killed worker; torch says so a moment later
+        time.sleep(1.0)
+        raise worker_killed(config.workers) from error
 
 
 def train_shipped_separator(

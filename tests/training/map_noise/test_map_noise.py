@@ -189,3 +189,17 @@ def test_the_command_prints_statistics_and_writes_what_is_wanted(tmp_path: Path)
     assert read_noise(out).resolution == (0.1, 0.1)
     assert len(find_cases([maps])) >= 15
     assert 0 <= json.loads(numbers.read_text())["auc"]["fitted"] <= 1
+
+
+def test_maps_are_written_with_their_scales_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without them, who reads the folder takes its maps for those of another scale."""
+
+    def stop(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("layoutexplore.training.map_noise.files.write_csv", stop)
+    with pytest.raises(KeyboardInterrupt):
+        write_cases(simulate_maps(PLANS, FAST, 4), tmp_path / "maps")
+    assert not (tmp_path / "maps").exists()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
 from dataclasses import astuple, replace
 from pathlib import Path
 
@@ -79,6 +82,33 @@ def test_workers_change_nothing(tmp_path: Path) -> None:
     assert all(np.array_equal(once[name], again[name]) for name in once)
     with pytest.raises(ConfigError, match="device must be auto, cpu or cuda, got 'gpu'"):
         fit_separator(alone, replace(config, device="gpu"), lambda *_: None)
+
+
+KILLING = """
+import multiprocessing
+from layoutexplore.errors import WorkerError
+from layoutexplore.training.separator.examples import separator_example
+from layoutexplore.training.separator.network import SeparatorTrainingConfig, fit_separator
+from tests.layout.merging.cases import plan, rooms_of
+
+def kill(step, steps, loss):
+    if step == 1:
+        multiprocessing.active_children()[0].kill()
+
+config = SeparatorTrainingConfig(steps=100_000, batch=2, crop=16, workers=2)
+try:
+    fit_separator([separator_example(plan(), rooms_of(plan()), 0.05)], config, kill)
+except WorkerError as error:
+    print(error)
+"""
+
+
+def test_a_worker_that_is_killed_is_told() -> None:
+    """In a process of its own: torch raises its error at whatever this one does when a worker ends."""
+    told = subprocess.run(
+        [sys.executable, "-c", KILLING], capture_output=True, text=True, check=False, timeout=120
+    )
+    assert re.match(r"one of 2 worker processes was killed .* --workers\)", told.stdout), told.stderr
 
 
 def test_the_command_writes_a_network(tmp_path: Path) -> None:
