@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import typer.testing
 from hypothesis import HealthCheck, settings
 
 # Two test processes with a thread a core each get into each other's way: trainings took four times as long.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+# A runner makes all commands anew for each line it is given: nearly a tenth of a second, hundreds of times.
+typer.testing._get_command = functools.cache(typer.testing._get_command)
 
 # Hypothesis fails what takes longer than 200 ms: on a busy machine, or while kernels compile, anything may.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -35,6 +41,16 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     if missing := missing_kernels(name for name, _ in warm_up_steps()):
         sys.stderr.write(f"compiling {len(missing)} kernels, once\n")
         compile_kernels(missing, usable_cores())
+
+
+@pytest.fixture(autouse=True)
+def environment() -> Iterator[None]:
+    """What a test does to the environment is undone: others start processes with it."""
+    before = dict(os.environ)
+    yield
+    if os.environ != before:
+        os.environ.clear()
+        os.environ.update(before)
 
 
 @pytest.fixture(scope="session")

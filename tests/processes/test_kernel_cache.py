@@ -21,7 +21,8 @@ def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A user whose home does not exist; the folder of temporary files."""
     if not NOWHERE.parent.is_dir():
         pytest.skip("no folder that nobody can write to")
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", "")  # so that what is set in the test is undone
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
     monkeypatch.setenv("HOME", str(NOWHERE))
     monkeypatch.setenv("XDG_CACHE_HOME", str(NOWHERE / "cache"))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
