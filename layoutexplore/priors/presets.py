@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, MapError, unknown_name
+from layoutexplore.errors import ConfigError, MapError, MapWarning, unknown_name
 from layoutexplore.files.reading import fingerprint, is_file, is_there
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.floorplan import FloorPlan
@@ -122,7 +123,9 @@ def _from_picture(spoiled: SpoiledPlan, rng: np.random.Generator) -> StudyPrior:
     style = PictureStyle()
     image = draw_evacuation_plan(spoiled.free, spoiled.room_ids, spoiled.resolution, rng, style=style)
     try:
-        read = prior_of_picture(image, name="rough")
+        with warnings.catch_warnings():  # a study would say in each run that there is no Tesseract
+            warnings.simplefilter("ignore", MapWarning)
+            read = prior_of_picture(image, name="rough")
     except MapError as error:
         return StudyPrior(plan_of_nothing("rough", f"its picture cannot be read: {error}"))
     height = max(1, round(spoiled.free.shape[0] * style.pixels_per_metre * spoiled.resolution))

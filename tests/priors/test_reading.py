@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 
 import cv2
@@ -12,6 +13,7 @@ import pytest
 from layoutexplore.errors import LayoutExploreError, MapError, MapWarning, MissingExtraError
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
 from layoutexplore.priors.plan import PriorHints, PriorPlan
+from layoutexplore.priors.presets import study_prior
 from layoutexplore.priors.reading import paper_share, prior_of_picture, read_prior
 from tests.priors.cases import door_middles, office
 
@@ -82,6 +84,9 @@ def test_a_reading_of_words_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr("layoutexplore.layout.blueprint.find_words", killed)
     with pytest.warns(MapWarning, match="words .* by their size alone: tesseract has failed"):
         assert prior_of_picture(sheet()).prior.rooms >= 8
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert study_prior("rough", office(), 0).prior.rooms >= 8  # a study would say it in each run
 
 
 def test_a_told_scale_is_kept() -> None:
