@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sysconfig
 import traceback
+from importlib.util import find_spec
 from pathlib import Path
 
 import layoutexplore
@@ -15,7 +16,11 @@ _OURS = tuple(
 )
 """Folders of this package."""
 
-_PYTHON = tuple({str(Path(sysconfig.get_path(name)).resolve()) for name in ("stdlib", "purelib", "platlib")})
+_PYTHON = tuple(
+    {str(Path(sysconfig.get_path(name)).resolve()) for name in ("stdlib", "purelib", "platlib")}
+    | {str(Path(str(spec.origin)).resolve().parents[1]) for spec in [find_spec("typer")] if spec}
+)
+"""Folders of Python and of what is installed, the last one wherever that is (`pip install --target`)."""
 
 _LONGEST_LINE, _LONGEST = 300, 2600
 """Characters of a line, and of all, that are told: a line of a program may be as long as a file."""

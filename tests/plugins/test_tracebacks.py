@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import typer
 
 from layoutexplore.agents import make_agent
 from layoutexplore.errors import OwnCodeError
@@ -49,3 +54,17 @@ def test_what_is_told_has_a_length_that_can_be_read() -> None:
     text = told(ValueError("first\n" + "more\n" * 5000 + "last"))
     assert len(text) < 3000 and text.startswith("ValueError: first") and text.endswith("last")
     assert str(OwnCodeError(f"mine.py cannot be loaded:\n{text}")).count("...") == 1, "shortened once"
+
+
+def test_commands_end_quietly_wherever_packages_lie(tmp_path: Path) -> None:
+    """As with `pip install --target`: commands end by an exit of typer's, whose code is not the user's."""
+    shutil.copytree(Path(typer.__file__).parent, tmp_path / "typer")
+    code = "import typer; print(typer.__file__); from layoutexplore.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "--version"],
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert str(tmp_path) in done.stdout and (done.returncode, done.stderr) == (0, "")
