@@ -23,6 +23,7 @@ settings.register_profile("untimed", deadline=None, suppress_health_check=[Healt
 settings.load_profile("untimed")
 
 
+@pytest.hookimpl(optionalhook=True)  # where there is no xdist
 def pytest_xdist_auto_num_workers() -> int:
     """As many test processes as there are cores to use; each needs up to 1.5 GB."""
     from layoutexplore.processes import usable_cores
