@@ -17,9 +17,9 @@ import numpy as np
 from scipy import ndimage
 
 from layoutexplore.errors import ConfigError, checks_arguments
+from layoutexplore.frontiers.answers import completed
 from layoutexplore.frontiers.classes import LITTLE_LEFT, true_classes
 from layoutexplore.frontiers.decision import Decision, Privileged
-from layoutexplore.frontiers.walks import completed
 from layoutexplore.grids.arrays import Cells, Ints32, Mask, check_alike
 from layoutexplore.grids.boxes import window
 from layoutexplore.grids.grid import UNKNOWN

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.errors import ConfigError, MapError, StartError, checks_calls
+from layoutexplore.frontiers.answers import completed
 from layoutexplore.frontiers.decision import PATHS, STOP, Choice, Decision, path_of
 from layoutexplore.frontiers.detection import FrontierDetector
 from layoutexplore.frontiers.viewpoints import GAIN_RANGE, GAIN_RAYS, MIN_SIZE, ViewpointSelector
-from layoutexplore.frontiers.walks import checked_walk, completed, plain_choice
+from layoutexplore.frontiers.walks import checked_walk, plain_choice
 from layoutexplore.grids.arrays import Cells, Floats, Ints32
 from layoutexplore.grids.boxes import Box, grown_box, known_box, true_box, union
 from layoutexplore.grids.grid import (

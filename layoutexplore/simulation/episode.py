@@ -13,8 +13,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from layoutexplore.errors import ConfigError, LayoutExploreError, checks_making, shortened
+from layoutexplore.frontiers.answers import leaving_the_map
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
-from layoutexplore.frontiers.walks import leaving_the_map, plain_choice
+from layoutexplore.frontiers.walks import plain_choice
 from layoutexplore.grids.arrays import Floats, shows_shapes
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan

@@ -1,8 +1,7 @@
 """The simulation: floor plan + robot + lidar + grid. The single place where time passes.
 
-A run alternates decisions and paths. At a decision the robot knows its grid, the reachable frontiers and a
-path to each; it follows the path to the one that is chosen, scanning on the way, and decides again on
-arrival, when the frontier has dissolved or when the path turns out to be blocked. All others drive this.
+A run alternates decisions and paths. At a decision the robot knows its grid and a path to each frontier in
+reach; it follows one, scanning, and decides again on arrival, or where the path is needless or blocked.
 
 The robot's disc is tested against the same cells that the lidar sees. It plans on what it knows; a wall that
 it has not seen stops it, and touching the wall puts it on the map.
@@ -18,10 +17,11 @@ from functools import cached_property
 import numpy as np
 
 from layoutexplore.errors import ConfigError, checks_calls, shortened
+from layoutexplore.frontiers.answers import completed
 from layoutexplore.frontiers.decision import PATHS, STOP, Choice, Decision, Predictor, Privileged, Truth
 from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import cells_in_view, facing, remaining_share
-from layoutexplore.frontiers.walks import NO_SIGHTS, checked_walk, completed, plain_choice
+from layoutexplore.frontiers.walks import NO_SIGHTS, checked_walk, plain_choice
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
 from layoutexplore.grids.grid import Cell, Pose
 from layoutexplore.maps.floorplan import FloorPlan

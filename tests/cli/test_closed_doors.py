@@ -56,9 +56,11 @@ def test_numbers_are_there_before_pictures(
 def test_of_two_studies_in_one_folder_the_second_is_refused(closed_door_maps: Path, tmp_path: Path) -> None:
     """The page of each would show the predictions of both."""
     words = ["evaluate", "closed-doors", str(closed_door_maps), "--out", str(tmp_path / "out")]
+    words += ["--folds", "2", "--cache", str(tmp_path / "samples")]
     with held(tmp_path / "out", "study"):
         second = CliRunner().invoke(app, words)
         assert isinstance(second.exception, ResultsError) and "another study" in str(second.exception)
+        assert not (tmp_path / "samples").exists(), "refused before anything is learnt"
         assert [path.name for path in (tmp_path / "out").iterdir()] == [LOCK]
     assert not (tmp_path / "out").exists()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +15,7 @@ from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
     from layoutexplore.evaluation.closed_doors import PairScore
+    from layoutexplore.maps.closed_door_maps import Triple
     from layoutexplore.training.closed_doors import ClosedDoorSamples, Source
 
 COLUMNS = ("before", "free_iou", "iou", "iqm", "iqm_low", "iqm_high", "precision", "recall")
@@ -59,16 +60,9 @@ def closed_doors(
     IoU, precision and recall on what was never seen, beside a reference.
     """
     from layoutexplore.errors import ConfigError, require
-    from layoutexplore.evaluation.closed_doors import (
-        cross_validate_closed_doors,
-        evaluate,
-        held_out_groups,
-        summarise_closed_doors,
-    )
+    from layoutexplore.evaluation.closed_doors import cross_validate_closed_doors, evaluate, held_out_groups
     from layoutexplore.files.locking import held
     from layoutexplore.maps.closed_door_maps import find_triples
-    from layoutexplore.processes import command_line
-    from layoutexplore.report.studies.closed_doors import write_closed_doors_report
 
     for option, given in (("--plans", plans), ("--cache", cache)):
         if given and not folds:
@@ -77,29 +71,45 @@ def closed_doors(
         require("jinja2", "bench")
     check_places(out, json_file)
     triples = find_triples(folder)
-    groups = held_out_groups(triples, folds) if folds else 0
-    scores = []
-    if folds:
-        results = cross_validate_closed_doors(
-            triples, groups, _learn_from(folder, plans or (), cache), resolution=resolution, out=out
-        )
-    else:
-        results = evaluate(triples, resolution=resolution, out=out, jobs=jobs)
     with held(out, "study"):
-        for triple, score in zip(triples, results, strict=True):
-            scores.append(score)
-            typer.echo(f"{triple.name}: {_line(score)}")
-        summary = summarise_closed_doors(scores)
-        _print(summary)
-        note = f"every building was held out, in {groups} groups" if folds else NOTE
-        typer.echo(f"note: {note}")
-        write_numbers(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
-        written = []
-        if report:
-            written = write_closed_doors_report(
-                out, triples, scores, summary, command=command_line(), note=note
-            )
+        if folds:
+            groups = held_out_groups(triples, folds)
+            learnt = _learn_from(folder, plans or (), cache)
+            results = cross_validate_closed_doors(triples, groups, learnt, resolution=resolution, out=out)
+            note = f"every building was held out, in {groups} groups"
+        else:
+            results = evaluate(triples, resolution=resolution, out=out, jobs=jobs)
+            note = NOTE
+        written = _tell(triples, results, note, out if report else None, json_file)
     typer.echo("written: " + ", ".join(str(path) for path in [out, *written]))
+
+
+def _tell(
+    triples: Sequence[Triple],
+    results: Iterable[PairScore],
+    note: str,
+    report: Path | None,
+    json_file: Path | None,
+) -> list[Path]:
+    """Print the scores as they come and their summary; write the numbers, and a report if it has a folder.
+
+    Returns the files of the report.
+    """
+    from layoutexplore.evaluation.closed_doors import summarise_closed_doors
+    from layoutexplore.processes import command_line
+    from layoutexplore.report.studies.closed_doors import write_closed_doors_report
+
+    scores = []
+    for triple, score in zip(triples, results, strict=True):
+        scores.append(score)
+        typer.echo(f"{triple.name}: {_line(score)}")
+    summary = summarise_closed_doors(scores)
+    _print(summary)
+    typer.echo(f"note: {note}")
+    write_numbers(json_file, {"summary": summary, "maps": [asdict(score) for score in scores]})
+    if report is None:
+        return []
+    return write_closed_doors_report(report, triples, scores, summary, command=command_line(), note=note)
 
 
 def train_closed_doors(
