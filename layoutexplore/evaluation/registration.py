@@ -21,7 +21,7 @@ from layoutexplore.files.schema import Items, Number, Record, Text
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.library import load_plan
+from layoutexplore.maps.library import cached_plan
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.priors.confidence import FEATURES, features_of, shipped_model
@@ -123,7 +123,7 @@ def rows_of_source(
     source: str, sensor: str, *, kinds: Sequence[str], among: str = "", store: Path | None = None
 ) -> list[RegistrationRow]:
     """The rows of a floor plan by its name or file, with one sensor."""
-    return registration_rows(load_plan(source), kinds, sensor=sensor, among=among, store=store)
+    return registration_rows(cached_plan(source), kinds, sensor=sensor, among=among, store=store)
 
 
 def _priors(plan: FloorPlan, kinds: Sequence[str], seed: int, among: str) -> Iterator[tuple[str, StudyPrior]]:

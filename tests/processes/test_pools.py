@@ -69,6 +69,16 @@ with worker_pool(1) as pool:
     print(*pool.submit(eval, text).result()[1:])
 """
 
+WARNS = """
+import layoutexplore.maps
+from layoutexplore.plugins.transport import worker_pool
+load = "__import__('%s', fromlist=['x'])"
+text = f"{load % 'warnings'}.warn('doors are missing', {load % 'layoutexplore.errors'}.MapWarning)"
+with worker_pool(2) as pool:
+    for asked in [pool.submit(eval, text) for _ in range(4)]:
+        asked.result()
+"""
+
 
 def test_workers_have_the_environment_and_the_folder_of_their_start(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
@@ -107,6 +117,12 @@ def test_workers_say_nothing_of_kernels() -> None:
     """Who started them does; one that is forked from a process that listens would say it again."""
     told = subprocess.run([sys.executable, "-c", COMPILES], capture_output=True, text=True, check=True)
     assert told.stdout.split() == ["3", "True"] and not told.stderr
+
+
+def test_workers_do_not_repeat_what_floor_plans_lack() -> None:
+    """Who started them has read the plans: each worker would say it again, and with a line of our code."""
+    told = subprocess.run([sys.executable, "-c", WARNS], capture_output=True, text=True, check=True)
+    assert not told.stderr
 
 
 def test_workers_are_spawned_where_sockets_have_no_room(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -138,7 +138,7 @@ def _rows(
     from layoutexplore.errors import unknown_name
     from layoutexplore.evaluation.registration import rows_of_source
     from layoutexplore.files import check_places
-    from layoutexplore.maps.library import find_plans
+    from layoutexplore.maps.library import cached_plan, find_plans
     from layoutexplore.options import JOBS
     from layoutexplore.plugins.transport import worker_map
     from layoutexplore.priors.presets import PRESETS
@@ -149,7 +149,10 @@ def _rows(
         if name not in PRESETS:
             raise unknown_name("prior plan", name, PRESETS)
     sensors = asked_sensors(sensor)
-    tasks = [(source, name) for source in find_plans(plans) for name in sensors]
+    sources = find_plans(plans)
+    for source in sources:
+        cached_plan(source)  # one that cannot be read is told now, and not after hours
+    tasks = [(source, name) for source in sources for name in sensors]
     jobs = min(JOBS.convert("--jobs", jobs), len(tasks))
     work = partial(rows_of_source, kinds=kinds, among=among, store=out)
     found: list[RegistrationRow] = []
