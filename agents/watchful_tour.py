@@ -53,12 +53,23 @@ class WatchfulTour(LookingTour[WatchfulTourOptions]):
 
     def plan(self, decision: Decision) -> Choice:
         """The index of the tour's first frontier."""
-        options = self.options
-        ready = ready_frontiers(decision, options.min_size, options.area, options.doubted)
-        if len(ready) < 2:
-            return int(ready[0])
-        weights = promised_areas(decision, ready)
-        return int(plan_latency_tour(decision, ready, options.patience, weights)[0])
+        return int(plan_watchful_tour(decision, self.options)[0])
+
+
+def plan_watchful_tour(decision: Decision, options: WatchfulTourOptions) -> Ints:
+    """An open tour from the robot over the frontiers that need not wait.
+
+    Args:
+        decision: With a frontier or more.
+        options: How the tour weighs things.
+
+    Returns:
+        int64 (k,): their indices in the order of the visit.
+    """
+    ready = ready_frontiers(decision, options.min_size, options.area, options.doubted)
+    if len(ready) < 2:
+        return ready
+    return plan_latency_tour(decision, ready, options.patience, promised_areas(decision, ready))
 
 
 def promised_areas(decision: Decision, chosen: Ints) -> Floats:

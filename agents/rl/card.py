@@ -58,6 +58,8 @@ class PolicySpec:
         sensors: The lidars that it was trained with.
         tour: How the tour that it is shown weighs ways and areas.
         look_every: Metres after which it looks all around on its way, where that shows more; 0: never.
+        watchful: Weight of 1 / the place in the tour of `watchful-tour`, beside its own logits; above 0 it
+            decides every `look_every` metres with any lidar, as that agent does.
         format: Version of the format.
         version: Version of layoutexplore that wrote it.
     """
@@ -70,6 +72,7 @@ class PolicySpec:
     sensors: tuple[str, ...] = ()
     tour: TourConfig = field(default_factory=TourConfig)
     look_every: float = 0.0
+    watchful: float = 0.0
     format: int = FORMAT
     version: str = layoutexplore.__version__
 
@@ -166,6 +169,7 @@ _CARD = Record(
         "sensors": _NAMES,
         "tour": TableOf(Anything()),
         "look_every": Number(low=0.0, high=LONGEST_WAY),
+        "watchful": Number(low=0.0, high=1e6),
         "version": Text(most=200),
     },
 )

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from layoutexplore.agents.rl.card import PolicySpec
+from layoutexplore.agents.watchful_tour import WatchfulTourOptions, plan_watchful_tour
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ObservationConfig, encode_frontiers
 from layoutexplore.errors import ConfigError, ResultsError, checks_calls, checks_making
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
@@ -20,8 +21,8 @@ from layoutexplore.simulation.looking_around import LookingAround
 class PolicyAgent:
     """Goes to the frontier with the highest logit; it stops only when none is left.
 
-    Where the spec says so, it looks all around on its way and chooses anew by what it sees: see
-    `LookingAround`.
+    Where the spec says so, it looks all around on its way and chooses anew by what it sees (see
+    `LookingAround`), and takes the advice of `watchful-tour`.
 
     Args:
         name: What it is called in results.
@@ -33,7 +34,7 @@ class PolicyAgent:
         self.name = name
         self.spec = spec
         self.fingerprint = fingerprint
-        self._looking = LookingAround(spec.look_every)
+        self._looking = LookingAround(spec.look_every, with_any_lidar=spec.watchful > 0)
 
     @property
     def remembers(self) -> bool:
@@ -68,13 +69,17 @@ class PolicyAgent:
         return self._looking.choose(decision, self._decide, anew=True)
 
     def _decide(self, decision: Decision) -> int:
-        """The number of the frontier with the highest logit."""
+        """The number of the frontier with the highest logit, that of its place in a tour added to it."""
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is told below
             logits = self.logits(decision)
         if not np.isfinite(logits).all():
             if decision.fault:
                 raise ConfigError(f"decision {decision.fault}")
             raise ResultsError(f"{self.name}: a logit is not finite: its weights are damaged, train it again")
+        if self.spec.watchful:
+            tour = plan_watchful_tour(decision, WatchfulTourOptions())
+            logits = logits.copy()
+            logits[tour] += self.spec.watchful / np.arange(1, len(tour) + 1)
         return int(np.argmax(logits))
 
     def logits(self, decision: Decision) -> Floats32:

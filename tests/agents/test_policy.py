@@ -16,6 +16,7 @@ from layoutexplore.agents import make_agent
 from layoutexplore.agents.policy import load_policy
 from layoutexplore.agents.rl.card import WEIGHTS, find_policy, read_card, read_spec
 from layoutexplore.agents.rl.linear import LinearPolicy, PolicyAgent
+from layoutexplore.agents.watchful_tour import WatchfulTourOptions, plan_watchful_tour
 from layoutexplore.benchmark.rows import prepare
 from layoutexplore.errors import ResultsError
 from layoutexplore.files import to_toml
@@ -111,9 +112,11 @@ class Favourite(PolicyAgent):
     """Likes the frontier of one column, as long as it is asked."""
 
     column: int = 17
+    watchful: float = 0.0
 
     def __post_init__(self) -> None:
-        super().__init__("favourite", dataclasses.replace(read_spec(find_policy("layout")), look_every=2.0))
+        spec = read_spec(find_policy("layout"))
+        super().__init__("favourite", dataclasses.replace(spec, look_every=2.0, watchful=self.watchful))
 
     def logits(self, decision: Decision) -> Floats32:
         return (decision.viewpoints[:, 1] == self.column).astype(np.float32)
@@ -136,3 +139,21 @@ def test_it_chooses_anew_as_soon_as_it_sees_anything_on_its_way() -> None:
     assert np.array_equal(agent.act(before), [[1, 7], [1, 8], [1, 9]])
     agent.column = 2
     assert np.array_equal(agent.act(both), [[1, 7], [1, 6], [1, 5]])
+
+
+@pytest.mark.parametrize(("watchful", "goes"), [(0.0, 17), (1.5, 17), (2.5, 2)])
+def test_the_place_in_the_tour_of_watchful_tour_counts_as_much_as_the_card_says(
+    watchful: float, goes: int
+) -> None:
+    """The tour begins on the left: the weight is whole there and half on the right, whose logit is 1 more."""
+    both = decide(CORRIDOR, (1, 2, 2.0, 9.0), (1, 17, 2.0, 9.0))
+    assert both.viewpoints[plan_watchful_tour(both, WatchfulTourOptions()), 1].tolist() == [2, 17]
+    agent, step = Favourite(watchful=watchful), 1 if goes == 17 else -1
+    steps = [[1, 7], [1, 7 + step], [1, 7 + 2 * step]]
+    assert np.array_equal(agent.act(looking(both)), steps)
+    agent.reset(0)
+    choice = agent.act(looking(both, fov=2 * np.pi))
+    if watchful:  # it makes steps with a lidar that sees all around, too, as `watchful-tour` does
+        assert np.array_equal(choice, steps)
+    else:
+        assert isinstance(choice, int) and both.viewpoints[choice, 1] == goes
