@@ -65,7 +65,11 @@ Simulated = Annotated[
 ]
 
 ReportFolder = Annotated[
-    Path | None, typer.Option(help="Folder for report.html, results.csv and a picture per map.")
+    Path | None,
+    typer.Option(
+        help="Folder for report.html, results.csv and a picture per map; where maps are held out, the same "
+        "command goes on in it."
+    ),
 ]
 
 
@@ -120,7 +124,7 @@ def segmentation(
             weights=weights_of(weight, cases),
             sources=_sources(source, cases),
         )
-        results = _scores_held_out(cases, config, by_source=leave_out is not None)
+        results = _scores_held_out(cases, config, out, by_source=leave_out is not None)
     else:
         results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
     collected = _collect(results, failed)
@@ -162,14 +166,14 @@ def _collect(
 
 
 def _scores_held_out(
-    cases: Sequence[Case], config: CrossValidationConfig, *, by_source: bool
+    cases: Sequence[Case], config: CrossValidationConfig, out: Path | None, *, by_source: bool
 ) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
     """Each map with its score by a classifier that has seen no map of its fold, or of its source."""
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.evaluation.cross_validation import cross_validate_merging, leave_sources_out
 
     validate = leave_sources_out if by_source else cross_validate_merging
-    return validate(cases, config, progress=progress_lines())
+    return validate(cases, config, progress_lines(), store=out and out / "scores")
 
 
 def _say_scales(cases: Sequence[Case]) -> None:
