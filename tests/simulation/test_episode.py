@@ -120,6 +120,7 @@ def leave(decision: Decision) -> None:
             "agent 'meddler' has changed the robot's map",
         ),
         (lambda decision: fill(decision.track), ValueError, "read-only"),
+        (lambda decision: fill(decision.frontiers[0].cells), ValueError, "read-only"),
         (leave, SystemExit, "0"),
     ],
 )
