@@ -148,10 +148,10 @@ def score_predictors(
                 scores.milliseconds[name].append(1000 * (time.perf_counter() - begin))
                 scores.frontiers.extend(_score_frontiers(snapshot, judged, name))
                 rooms = predictor.rooms(snapshot.decision)
-            for item in items:
-                scores.rooms.append(_score_room(snapshot, item, rooms, name))
-                if watch:
-                    watch(snapshot, item, rooms, scores.rooms[-1])
+                for item in items:
+                    scores.rooms.append(_score_room(snapshot, item, rooms, name))
+                    if watch:
+                        watch(snapshot, item, rooms, scores.rooms[-1])
     return scores
 
 

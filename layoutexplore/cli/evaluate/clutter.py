@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile, end_study, write_numbers
+from layoutexplore.cli.evaluate.options import JsonFile, end_study, holding, write_numbers
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -50,7 +50,8 @@ def clutter(
     check_places(out, json_file)
     files = [f for path in maps for f in (sorted(path.glob("*.png")) if path.is_dir() else [path])]
     grids, failed = usable_maps(load, [f for f in files if not f.stem.endswith("_gt")])
-    summary, trials = run_study(dict(grids), progress=progress_lines(), store=out)
+    with holding(out):
+        summary, trials = run_study(dict(grids), progress=progress_lines(), store=out)
     for key, value in asdict(summary).items():
         values = {"": value} if not isinstance(value, dict) else {f", {k}": v for k, v in value.items()}
         for which, number in values.items():

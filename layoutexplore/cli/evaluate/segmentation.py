@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile, PlanFolders, end_study, write_numbers
+from layoutexplore.cli.evaluate.options import JsonFile, PlanFolders, end_study, holding, write_numbers
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -112,26 +112,27 @@ def segmentation(
         require("jinja2", "bench")
     _say_scales(cases)
     cases, failed = usable_cases(cases, resolution)
-    if folds or leave_out:
-        _say_guesses(cases)
-        config = CrossValidationConfig(
-            folds=folds,
-            protocol=protocol,
-            resolution=resolution,
-            simulated=simulated,
-            plans=tuple(find_plans(plans or ())),
-            seeds=seeds,
-            weights=weights_of(weight, cases),
-            sources=_sources(source, cases),
-        )
-        results = _scores_held_out(cases, config, out, by_source=leave_out is not None)
-    else:
-        results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
-    collected = _collect(results, failed)
-    _print_all([row for _, row, _ in collected], by_source=leave_out is not None)
-    held_out = "each source left out" if leave_out else f"{folds} folds of buildings" if folds else ""
-    said = {"protocol": protocol, "resolution": resolution, "held_out": held_out, "failed": failed}
-    _write_results(collected, json_file, out, said)
+    with holding(out):
+        if folds or leave_out:
+            _say_guesses(cases)
+            config = CrossValidationConfig(
+                folds=folds,
+                protocol=protocol,
+                resolution=resolution,
+                simulated=simulated,
+                plans=tuple(find_plans(plans or ())),
+                seeds=seeds,
+                weights=weights_of(weight, cases),
+                sources=_sources(source, cases),
+            )
+            results = _scores_held_out(cases, config, out, by_source=leave_out is not None)
+        else:
+            results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
+        collected = _collect(results, failed)
+        _print_all([row for _, row, _ in collected], by_source=leave_out is not None)
+        held_out = "each source left out" if leave_out else f"{folds} folds of buildings" if folds else ""
+        said = {"protocol": protocol, "resolution": resolution, "held_out": held_out, "failed": failed}
+        _write_results(collected, json_file, out, said)
     end_study(failed)
 
 
