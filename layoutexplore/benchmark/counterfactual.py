@@ -268,7 +268,7 @@ class CounterfactualRollouts:
         if any(decided.stake <= rival.decided.stake for rival in rivals):
             return
         others = [kept for kept in self._kept if kept not in same]
-        pursued = _Pursued(decided, decision.step, decision.frontiers[decided.without].cells)
+        pursued = _Pursued(decided, decision.step, decision.frontiers[decided.without].cells.copy())
         self._kept = sorted([*others, pursued], key=lambda kept: kept.rank)[-MOST_DECISIVE:]
 
     def _decisive(

@@ -160,8 +160,8 @@ PREPARING = 120.0
 """Seconds more than its task that a preparation may take: kernels may have to be compiled."""
 
 
-class CellTimeoutError(BaseException):
-    """A task has taken longer than it may; no `except Exception` of an agent takes it for its own."""
+class CellTimeoutError(KeyboardInterrupt):
+    """A task has taken longer than it may; as with Ctrl-C, no `except Exception` takes it for its own."""
 
 
 @dataclass(frozen=True)

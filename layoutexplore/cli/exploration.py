@@ -217,7 +217,7 @@ def summary(row: Row, *, filmed: bool, back: str = "", prior: str = "") -> Table
     took = f", {row.ms_decision_median:.2f} ms each (median)" if row.ms_decision_median else ""
     missed = {n: "not measured" if math.isnan(getattr(row, n)) else "not reached" for n in reached}
     lines = [
-        ("floor plan", f"{row.plan}, {row.target_area:.0f} m² to see"),
+        ("floor plan", f"{row.plan}, {row.target_area:.0f} m2 to see"),
         ("agent, sensor", f"{row.agent}, {row.sensor}"),
         (
             "ended by",

@@ -14,11 +14,15 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
 
 import cv2
 import numpy as np
 
 from layoutexplore.errors import ConfigError, MapError, checks_arguments, checks_making, shortened
+from layoutexplore.evaluation.kept_rows import kept_file, kept_rows
+from layoutexplore.files import ArrayRule
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.layout.frame import angles_to_local
@@ -121,7 +125,11 @@ class ClutterSummary:
 
 @checks_arguments
 def run_study(
-    maps: dict[str, OccupancyGrid], config: ClutterConfig | None = None, *, progress: Progress = silent
+    maps: dict[str, OccupancyGrid],
+    config: ClutterConfig | None = None,
+    *,
+    progress: Progress = silent,
+    store: Path | None = None,
 ) -> tuple[ClutterSummary, list[ClutterTrial]]:
     """Add every combination of shape, count and size to every map and measure ROSE.
 
@@ -129,6 +137,7 @@ def run_study(
         maps: The maps by name.
         config: Which clutter.
         progress: Told, after each map, what has been done, how often, and how often it will be.
+        store: Folder where the trials of each map are kept; those that are there already are read.
 
     Raises:
         MapError: No map, or a map without walls or free space.
@@ -141,11 +150,20 @@ def run_study(
         check_for_clutter(name, grid)
     maps = {name: grid.trinary for name, grid in maps.items()}
     trials: list[ClutterTrial] = []
+    clean: dict[str, float] = {}
     for k, (name, grid) in enumerate(maps.items(), start=1):
-        trials += trials_of_map(name, grid, config)
+        about = grid.shape, grid.cells.tobytes(), grid.resolution, grid.origin
+        path = kept_file(store, Path(name).stem, name, about, config)
+        rows, score = kept_rows(path, ClutterTrial, partial(_study_map, name, grid, config), ArrayRule())
+        trials += rows
+        clean[name] = float(score)
         progress("maps cluttered", k, len(maps))
-    clean = {name: float(rose(grid, config.rose).structure_score) for name, grid in maps.items()}
     return summarise_clutter(trials, clean), trials
+
+
+def _study_map(name: str, grid: OccupancyGrid, config: ClutterConfig) -> tuple[list[ClutterTrial], Floats]:
+    """The trials of one map, and its W without clutter."""
+    return [*trials_of_map(name, grid, config)], np.array(rose(grid, config.rose).structure_score)
 
 
 @checks_arguments

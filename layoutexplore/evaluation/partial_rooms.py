@@ -9,7 +9,8 @@ and by the decision that saves metres: closed, with less than 1 m2 left.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 from scipy import ndimage
 
 from layoutexplore.errors import ConfigError, checks_arguments
-from layoutexplore.frontiers.answers import completed
+from layoutexplore.frontiers.answers import completed, saying_where
 from layoutexplore.frontiers.classes import LITTLE_LEFT, true_classes
 from layoutexplore.frontiers.decision import Decision, Privileged
 from layoutexplore.grids.arrays import Cells, Ints32, Mask, check_alike
@@ -141,18 +142,31 @@ def score_predictors(
     for snapshot in snapshots:
         items = find_items(snapshot)
         for name, predictor in named.items():
-            if isinstance(predictor, Privileged):
-                predictor.reveal(snapshot.truth)
-            begin = time.perf_counter()
-            judged = completed(snapshot.decision, predictor)
-            scores.milliseconds[name].append(1000 * (time.perf_counter() - begin))
-            scores.frontiers.extend(_score_frontiers(snapshot, judged, name))
-            rooms = predictor.rooms(snapshot.decision)
-            for item in items:
-                scores.rooms.append(_score_room(snapshot, item, rooms, name))
-                if watch:
-                    watch(snapshot, item, rooms, scores.rooms[-1])
+            with asking(predictor, name, snapshot):
+                begin = time.perf_counter()
+                judged = completed(snapshot.decision, predictor)
+                scores.milliseconds[name].append(1000 * (time.perf_counter() - begin))
+                scores.frontiers.extend(_score_frontiers(snapshot, judged, name))
+                rooms = predictor.rooms(snapshot.decision)
+                for item in items:
+                    scores.rooms.append(_score_room(snapshot, item, rooms, name))
+                    if watch:
+                        watch(snapshot, item, rooms, scores.rooms[-1])
     return scores
+
+
+@contextmanager
+@checks_arguments
+def asking(predictor: RoomPredictor, name: str, snapshot: Snapshot) -> Iterator[None]:
+    """Inside the block a predictor, which is shown the plan if it asks for it, is asked about a snapshot.
+
+    What fails says of whom, and where.
+    """
+    seen = f"{100 * snapshot.coverage:.0f} % of {snapshot.plan!r} seen by {snapshot.sensor!r}"
+    with saying_where(lambda: f"predictor {name!r}, {seen}, start {snapshot.seed}"):
+        if isinstance(predictor, Privileged):
+            predictor.reveal(snapshot.truth)
+        yield
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from layoutexplore.maps.library import cached_plan
 from layoutexplore.metrics.statistics import Interval, cluster_bootstrap, weighted_mean
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.priors.confidence import FEATURES, features_of, shipped_model
-from layoutexplore.priors.presets import StudyPrior, digest_of_others, study_prior
+from layoutexplore.priors.presets import StudyPrior, digest_of_others, made_from, study_prior
 from layoutexplore.priors.registration import Registration
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
@@ -93,12 +93,13 @@ def registration_rows(
         seed: Of the start, and of the prior plans.
         among: Where presets find other floors and buildings; a kind for which there is none is left out.
         store: Folder where rows are kept; those that are there already are read, unless another
-            version made them, their features were others, or the files of `among` have changed.
+            version made them, their features were others, the files of `among` have changed, or Tesseract,
+            by which words on pictures are found, has come or gone.
 
     Raises:
         ResultsError: A file of rows is damaged.
     """
-    made_by = f"{layoutexplore.__version__} {among} {digest_of_others(among)}"
+    made_by = f"{layoutexplore.__version__} {among} {digest_of_others(among)}{made_from('rough', among)}"
     key = hashlib.sha256(made_by.encode()).hexdigest()[:8]
     name = f"{safe_name(plan.name)}_{plan.raster_hash[:8]}_{sensor}_{seed}_{key}.json"
     path = store and store / name

@@ -3,14 +3,36 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, OwnCodeError
 from layoutexplore.frontiers.decision import Decision, Predictor
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.options import check_kind
+from layoutexplore.plugins.tracebacks import told
+
+
+@contextlib.contextmanager
+def saying_where(where: Callable[[], str]) -> Iterator[None]:
+    """Inside the block somebody is asked; what fails says who, and where.
+
+    Args:
+        where: Asked for that once something has failed.
+
+    Raises:
+        OwnCodeError: What was raised is neither an `Exception` nor meant to end this process.
+    """
+    try:
+        yield
+    except (Exception, SystemExit) as error:
+        error.add_note(f"({where()})")
+        raise
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a cancelled coroutine, a panic of compiled code: it ends this run alone
+        raise OwnCodeError(f"{where()}:\n{told(error)}") from error
 
 
 @contextlib.contextmanager

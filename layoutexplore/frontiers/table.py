@@ -21,7 +21,7 @@ class Frontier:
     """A cluster of free cells that border the unknown, with a place to look at it from.
 
     Attributes:
-        cells: int32 (n, 2), the cluster's cells as (row, col).
+        cells: int32 (n, 2), the cluster's cells as (row, col); read-only where a simulation has made them.
         size: Length in metres: number of cells times the resolution, up to 30 % less than that of a slanting
             line.
         centroid: World point (x, y) of the cells' mean.
@@ -164,8 +164,10 @@ class FrontierList(Sequence[Frontier]):
             column.item(k) for column in self.table
         )
         predicted = self._rooms is not None
+        cells = self._clusters.cluster(int(self._kept[k]))
+        cells.flags.writeable = False  # whoever is asked may keep it, and the robot looks at these cells
         return Frontier(
-            cells=self._clusters.cluster(int(self._kept[k])),
+            cells=cells,
             size=size,
             centroid=(x, y),
             viewpoint=Cell(*self.viewpoints[k].tolist()),

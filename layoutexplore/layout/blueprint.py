@@ -10,8 +10,10 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import cv2
@@ -164,6 +166,11 @@ def grid_from_blueprint(
     if not config.keep_outside:
         cells[find_outside(walls | lines, resolution, opening=config.opening) & ~walls] = UNKNOWN
     return OccupancyGrid(np.ascontiguousarray(cells[::-1]), resolution, Pose(0.0, 0.0, 0.0))
+
+
+def has_ocr() -> bool:
+    """Whether words can be found here: pytesseract and the program tesseract are installed."""
+    return bool(find_spec("pytesseract") and shutil.which("tesseract"))
 
 
 @checks_arguments

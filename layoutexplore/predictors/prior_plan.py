@@ -27,7 +27,7 @@ from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_clas
 from layoutexplore.priors.completion import PlanOnMap
 from layoutexplore.priors.confidence import confidence
 from layoutexplore.priors.plan import PriorHints, PriorPlan
-from layoutexplore.priors.presets import OF_OTHERS, PRESETS, digest_of_others, study_prior
+from layoutexplore.priors.presets import PRESETS, made_from, study_prior
 from layoutexplore.priors.reading import read_prior
 from layoutexplore.priors.registration import Registration
 
@@ -93,11 +93,11 @@ class PriorPredictor:
 
     @property
     def fingerprint(self) -> str:
-        """Of the models of the shipped predictor, and of the plan or the files that it is chosen from."""
+        """Of the models of the shipped predictor, and of the plan or what it is made or chosen from."""
         if self._prior is not None:
             plan = fingerprint_of(self._prior)
         else:
-            plan = digest_of_others(self._among) if self._source in OF_OTHERS else ""
+            plan = made_from(self._source, self._among)
         return f"{self._shipped.fingerprint}{plan}"
 
     def reveal(self, truth: Truth) -> None:

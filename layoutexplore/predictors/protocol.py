@@ -9,31 +9,40 @@ from typing import Protocol
 
 import numpy as np
 
-from layoutexplore.errors import checks_arguments
+from layoutexplore.errors import ConfigError, checks_arguments, checks_making
 from layoutexplore.frontiers.classes import FrontierClasses, classify_frontiers
 from layoutexplore.frontiers.decision import Decision, PredictedRooms
 from layoutexplore.frontiers.table import FrontierList
-from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask, shows_shapes
+from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask, check_alike, shows_shapes
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.layout.outlines import layout_of_labels
 from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout
 
 
+@checks_making
 @shows_shapes
 @dataclass(frozen=True, eq=False)
 class RoomLabels:
-    """Predicted rooms.
+    """Predicted rooms; lists become arrays.
 
     Attributes:
         room_ids: int32 (rows, cols), the room of each cell, 0 for none.
         passable: bool (rows, cols), cells that are free, known or predicted.
         rest: The id that stands for the unseen rest of the building, 0 where there is none.
+
+    Raises:
+        ConfigError: The two have different shapes.
     """
 
     room_ids: Ints32
     passable: Mask
     rest: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("room_ids", "passable"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name)))
+        check_alike("RoomLabels", room_ids=self.room_ids, passable=self.passable)
 
 
 class RoomsOnGrid:
@@ -114,9 +123,17 @@ def classes_in(rooms: RoomLabels, decision: Decision) -> FrontierClasses:
     """The classes of frontiers against predicted rooms, by the rule that holds for the true ones.
 
     The unseen rest of the building ends where the array does: of it, what is in sight can be expected.
+
+    Raises:
+        ConfigError: The rooms do not fit the decision's grid, or their ids are no whole numbers.
     """
-    grid, clusters = decision.grid, decision.clusters
-    classes = classify_frontiers(grid.cells, clusters, rooms.room_ids, rooms.passable, grid.resolution)
+    grid, clusters, ids = decision.grid, decision.clusters, rooms.room_ids
+    if ids.shape != grid.shape or ids.dtype.kind not in "iu":
+        raise ConfigError(
+            f"room_ids of RoomLabels are whole numbers of the grid's shape {grid.shape}, got {ids.dtype} "
+            f"{ids.shape}"
+        )
+    classes = classify_frontiers(grid.cells, clusters, ids, rooms.passable, grid.resolution)
     beyond = (classes.room == rooms.rest) & (classes.room > 0)
     area = np.where(beyond, decision.table.visible_area, classes.remaining_area)
     return dataclasses.replace(classes, remaining_area=area)

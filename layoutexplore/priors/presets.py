@@ -15,6 +15,7 @@ import numpy as np
 from layoutexplore.errors import ConfigError, MapError, MapWarning, unknown_name
 from layoutexplore.files.reading import fingerprint, is_file, is_there
 from layoutexplore.grids.arrays import Floats
+from layoutexplore.layout.blueprint import has_ocr
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import find_plans, load_plan, plan_names, source_files
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
@@ -89,6 +90,18 @@ def study_prior(kind: str, plan: FloorPlan, seed: int, *, among: str = "") -> St
     spoiled = spoil(shown, PRESETS[kind], rng)
     made = _from_picture(spoiled, rng) if kind == "rough" else _unscaled(kind, spoiled, rng)
     return made if shown is plan else StudyPrior(made.prior)
+
+
+def made_from(kind: str, among: str) -> str:
+    """What a preset depends on beside the plan of the run: other floors, or whether words are read; or "".
+
+    Args:
+        kind: A name of `PRESETS`.
+        among: As of `study_prior`; errors, too.
+    """
+    if kind == "rough":
+        return "ocr" if has_ocr() else ""
+    return digest_of_others(among) if kind in OF_OTHERS else ""
 
 
 def digest_of_others(among: str) -> str:

@@ -124,8 +124,16 @@ def end_on_signals() -> None:
     os.set_blocking(writer, False)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     threading.Thread(target=_guard, args=(reader,), daemon=True).start()
-    for number in ASKING:
-        signal.signal(number, _ask)
+    before = {number: signal.signal(number, _ask) for number in ASKING}
+
+    def forget() -> None:
+        signal.set_wakeup_fd(-1)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+    if hasattr(os, "register_at_fork"):
+        # A signal to a process that own code forks (a Pool ends its workers by SIGTERM) would be read here.
+        os.register_at_fork(after_in_child=forget)
 
 
 def _ask(number: int, frame: FrameType | None) -> None:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import time
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
 
 from layoutexplore.errors import ConfigError, LayoutExploreError, checks_making, shortened
-from layoutexplore.frontiers.answers import leaving_the_map
+from layoutexplore.frontiers.answers import leaving_the_map, saying_where
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
 from layoutexplore.frontiers.walks import plain_choice
 from layoutexplore.grids.arrays import Floats, shows_shapes
@@ -133,7 +132,9 @@ def play(
         predicted = timed.ms
     if on_step:
         on_step(simulation)
-    with _naming(agent, simulation):
+    with saying_where(
+        lambda: f"{_named(agent)}, decision {simulation.decisions} on {simulation.plan.name!r}"
+    ):
         while not simulation.done and not (until and until(simulation)):
             if asked_beside:
                 asked_beside.before(agent)
@@ -184,16 +185,6 @@ def _ask(agent: Agent, decision: Decision) -> tuple[Choice, float]:
         choice = plain_choice(agent.act(decision))
         ms = 1000 * (time.perf_counter() - asked)
     return choice, ms
-
-
-@contextlib.contextmanager
-def _naming(agent: Agent, simulation: Simulation) -> Iterator[None]:
-    """What fails inside the block says at which decision, of whom and where."""
-    try:
-        yield
-    except (Exception, SystemExit) as error:
-        error.add_note(f"({_named(agent)}, decision {simulation.decisions} on {simulation.plan.name!r})")
-        raise
 
 
 def _begin(simulation: Simulation, agent: Agent, seed: int, start: Pose | None) -> Decision:

@@ -19,7 +19,6 @@ import numpy as np
 from layoutexplore.errors import ConfigError, checks_calls, shortened
 from layoutexplore.frontiers.answers import completed
 from layoutexplore.frontiers.decision import PATHS, STOP, Choice, Decision, Predictor, Privileged, Truth
-from layoutexplore.frontiers.table import Frontier
 from layoutexplore.frontiers.viewpoints import cells_in_view, facing, remaining_share
 from layoutexplore.frontiers.walks import NO_SIGHTS, checked_walk, plain_choice
 from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
@@ -145,8 +144,9 @@ class Simulation:
             frontier = decision.frontiers[choice]
             state.begin_step(int(choice), goal=frontier.centroid)
             path = decision.field.path_to(frontier.viewpoint)
-            if self._follow(path, frontier.cells, frontier.viewpoint):
-                self._look(frontier)
+            members = frontier.cells.copy()  # of a read-only array kernels would be compiled once more
+            if self._follow(path, members, frontier.viewpoint):
+                self._look(members, frontier.viewpoint)
         return self._next()
 
     def drive(self, forward: float, turn: float = 0.0) -> Motion:
@@ -351,14 +351,14 @@ class Simulation:
         shown, cells = (state.distance, state.coverage.share), state.mapper.grid.cells
         return event_after_scan(state.follower.rules, shown, cells, new_occupied, goal, ahead)
 
-    def _look(self, frontier: Frontier) -> None:
-        """Face the frontier and scan, all around if it is still there, and blacklist what that leaves."""
+    def _look(self, members: Ints32, viewpoint: Cell) -> None:
+        """Face a frontier's cells and scan, all around if it is still there, and blacklist what is left."""
         state, cells = self.state, self.state.mapper.grid.cells
-        state.robot.turn_to(facing(cells, frontier.cells, frontier.viewpoint))
+        state.robot.turn_to(facing(cells, members, viewpoint))
         self._scan()
-        if not self.done and remaining_share(cells, frontier.cells) >= self.config.gone_share:
+        if not self.done and remaining_share(cells, members) >= self.config.gone_share:
             self._scan(full_turn=True)
-        state.selector.blacklist(cells_in_view(cells, frontier.cells, frontier.viewpoint, self._cell))
+        state.selector.blacklist(cells_in_view(cells, members, viewpoint, self._cell))
 
     def _advance(self, cell: Cell) -> bool:
         """One step to the centre of a neighbouring cell; whether the robot can go on."""

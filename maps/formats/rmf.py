@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ import shapely
 from shapely import LineString, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from layoutexplore.errors import MapError, checks_arguments, shortened
+from layoutexplore.errors import MapError, MapWarning, checks_arguments, shortened
 from layoutexplore.files import read_yaml
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.polygons import polygons_of
@@ -35,6 +36,9 @@ DRAWING, METRES = "reference_image", "cartesian_meters"
 """Systems of coordinates that are read."""
 
 _MOST_FIDUCIALS = 20
+
+_AGREE = 0.1
+"""Measurements of one drawing may differ by this share."""
 
 
 @checks_arguments
@@ -61,7 +65,7 @@ def load_rmf(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
         MapError: The file is broken, has no such level, or a level has no scale.
 
     Warns:
-        MapWarning: Walls or doors were left out.
+        MapWarning: Walls or doors were left out, or measurements contradict each other.
     """
     path = Path(path)
     data = _read(path)
@@ -145,17 +149,33 @@ def _vertices(entries: dict[str, Any], where: str) -> Floats:
 
 
 def _scale(entries: dict[str, Any], where: str) -> float:
-    """Metres a pixel: the mean over the measurements; 0 without a usable one."""
-    points, found = _vertices(entries, where), []
+    """Metres a pixel: the mean over the measurements; 0 without a usable one.
+
+    Warns:
+        MapWarning: Two of them differ by more than `_AGREE`.
+    """
+    points, found = _vertices(entries, where), list[tuple[float, str]]()
     for measurement in _listed(entries, "measurements", where):
         try:
             a, b, said = measurement[0], measurement[1], measurement[2]["distance"]
             metres = float(said[1] if isinstance(said, list) else said)
-            found.append(metres / math.dist(points[a], points[b]))
+            scale = metres / math.dist(points[a], points[b])
         except (TypeError, ValueError, IndexError, KeyError, OverflowError, ZeroDivisionError):
             continue
-    usable = [scale for scale in found if 0 < scale <= MOST_METRES]
-    return float(np.mean(usable)) if usable else 0.0
+        if 0 < scale <= MOST_METRES:
+            found.append((scale, f"{scale:.4g} from vertex {a} to {b}"))
+    if not found:
+        return 0.0
+    mean = float(np.mean([scale for scale, _ in found]))
+    (least, one), (most, other) = min(found), max(found)
+    if most > (1 + _AGREE) * least:
+        warnings.warn(
+            f"{where}: measurements contradict each other, {one} and {other} metres a pixel: their mean "
+            f"{mean:.4g} is taken; delete what is wrong in the traffic editor",
+            MapWarning,
+            stacklevel=2,
+        )
+    return mean
 
 
 def _scale_by_fiducials(entries: dict[str, Any], data: dict[str, Any], path: Path) -> float:

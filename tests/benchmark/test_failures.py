@@ -160,6 +160,16 @@ def test_an_agent_without_end_ends_with_its_time(
     assert row.error.startswith("CellTimeoutError: the run took longer than the 2 s that it may")
 
 
+@pytest.mark.parametrize("error", ["__import__('asyncio').CancelledError", "GeneratorExit", "SystemExit"])
+def test_what_is_no_exception_fails_one_run_alone(plans: Path, tmp_path: Path, error: str) -> None:
+    path = write(
+        tmp_path, FAILING.replace("RuntimeError(f'{decision.pose.x:.9f} {decision.distance:.9f}')", error)
+    )
+    done = run_benchmark(config(plans, f"{path}:Mine"), tmp_path / "out")
+    (row,) = done.failed
+    assert len(done.rows) == 2 and error.rpartition(".")[2] in row.error
+
+
 def test_a_repaired_run_has_no_failure(plans: Path, tmp_path: Path) -> None:
     path = write(tmp_path, FAILING)
     done = run_benchmark(config(plans, f"{path}:Mine"), tmp_path / "out")

@@ -13,12 +13,14 @@ from typer.testing import CliRunner
 
 from layoutexplore import cli
 from layoutexplore.benchmark.store import ResultsFolder
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, ResultsError
 from layoutexplore.files import check_places
+from layoutexplore.files.locking import held
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from tests.benchmark.cases import timeless
 from tests.cli.test_cli import run as run_cli
+from tests.maps.test_painted_rooms import paint
 
 BENCHMARK = (
     *("benchmark", "--plans", "apartment-01", "--starts", "2", "--agents", "nearest", "--agents", "random"),
@@ -194,3 +196,23 @@ def test_a_folder_that_is_gone_is_told(
     (tmp_path / "gone").rmdir()
     assert run_cli(monkeypatch, "benchmark", "--plans", "office-01", "--out", str(tmp_path / "b")) == 2
     assert "is no longer there: go into another" in capsys.readouterr().err
+
+
+STUDIES = {
+    "registration": ("apartment:3",),
+    "partial-rooms": ("apartment:3", "-p", "hull"),
+    "train-predictor": ("apartment:3", "--no-network"),
+    "segmentation": ("{out}",),
+    "clutter": ("{out}/flat.png",),
+}
+"""Studies with what they are made from; {out} is a folder with a map and its rooms."""
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_a_second_study_of_a_folder_is_refused(name: str, tmp_path: Path) -> None:
+    paint(tmp_path, "flat", 40)
+    given = [part.replace("{out}", str(tmp_path)) for part in STUDIES[name]]
+    with held(tmp_path / "out", "study"):
+        second = CliRunner().invoke(cli.app, ["evaluate", name, *given, "--out", str(tmp_path / "out")])
+    assert isinstance(second.exception, ResultsError) and "another study is writing" in str(second.exception)
+    assert not (tmp_path / "out").exists()

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,10 +25,12 @@ from layoutexplore.evaluation.partial_rooms_summary import (
     summarise_partial_rooms,
     summarise_parts,
 )
+from layoutexplore.frontiers.decision import Decision
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import make_room_predictor
+from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.training.snapshots import explore_plan
 from tests.plans import TWO_OFFICES
@@ -135,3 +138,33 @@ def test_predictors_of_one_name_are_refused(snapshots: list[Snapshot]) -> None:
         score_predictors(snapshots, made)
     twice = score_predictors(snapshots, dict(zip("ab", made, strict=True)))
     assert list(twice.milliseconds) == ["a", "b"]
+
+
+class Failing:
+    """A predictor that fails when it is asked one thing."""
+
+    name = "mine"
+
+    def __init__(self, at: str) -> None:
+        self.at = at
+
+    def predict(self, decision: Decision) -> Decision:
+        return decision if self.at == "rooms" else self.fail()
+
+    def rooms(self, decision: Decision) -> RoomLabels:
+        return self.fail()
+
+    def fail(self) -> Any:
+        raise ZeroDivisionError
+
+
+@pytest.mark.parametrize("at", ["predict", "rooms"])
+def test_a_predictor_that_fails_is_named_with_what_it_was_asked(snapshots: list[Snapshot], at: str) -> None:
+    with pytest.raises(ZeroDivisionError) as failed:
+        score_predictors(snapshots, {"mine.py:Mine": Failing(at)})
+    (note,) = failed.value.__notes__
+    first = snapshots[0]
+    assert note == (
+        f"(predictor 'mine.py:Mine', {100 * first.coverage:.0f} % of {first.plan!r} seen by "
+        f"{first.sensor!r}, start {first.seed})"
+    )

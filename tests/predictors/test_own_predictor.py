@@ -11,6 +11,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.predictors import RoomLabels
 from layoutexplore.predictors.own_predictor import OwnPredictor
+from layoutexplore.predictors.protocol import with_rooms
 
 
 class Numbered:
@@ -78,3 +79,26 @@ def test_of_the_unseen_rest_an_open_frontier_promises_what_is_in_sight(decision:
     rest = predictor.rooms(decision).rest
     beyond = [f for f in predictor.predict(decision).frontiers if f.room == rest]
     assert beyond and all(f.expected_area == f.visible_area for f in beyond)
+
+
+def test_labels_of_lists_are_those_of_arrays(decision: Decision) -> None:
+    free = decision.grid.free
+    kept = [
+        with_rooms(decision, "own", RoomLabels(*given))
+        for given in ((free.astype(np.int32), free), (free.astype(int).tolist(), free.tolist()))
+    ]
+    areas = [[f.expected_area for f in judged.frontiers] for judged in kept]
+    assert areas[0] == areas[1]
+
+
+def test_labels_that_do_not_fit_are_refused(decision: Decision) -> None:
+    """A kernel would read beyond them, and hang or worse."""
+    with pytest.raises(ConfigError, match="must have one shape"):
+        RoomLabels(np.zeros((2, 2), np.int32), np.zeros((3, 2), np.bool_))
+    free = decision.grid.free
+    for odd in (
+        RoomLabels(np.zeros((3, 3), np.int32), np.zeros((3, 3), np.bool_)),
+        RoomLabels(free * 1.0, free),
+    ):
+        with pytest.raises(ConfigError, match="whole numbers of the grid's shape"):
+            with_rooms(decision, "own", odd)

@@ -219,3 +219,16 @@ def test_a_preset_of_another_floor_is_known_by_the_files_it_is_chosen_from(tmp_p
     assert first[0] != predictor_of_prior("wrong").fingerprint and prints() == first
     save_plan(load_plan("apartment-02"), tmp_path / "other.geojson")
     assert prints()[0] != first[0] and prints()[1] == first[1]
+
+
+def test_results_with_words_that_were_read_are_told_from_those_without(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Of the picture of a rough plan words are erased by Tesseract where it is, else by their size."""
+    prints = {}
+    for there in (False, True):
+        monkeypatch.setattr("layoutexplore.priors.presets.has_ocr", lambda there=there: there)
+        for kind in ("rough", "true"):
+            prints[kind, there] = predictor_of_prior(kind).fingerprint
+    assert prints["rough", True] != prints["rough", False]
+    assert prints["true", True] == prints["true", False]

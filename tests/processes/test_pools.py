@@ -21,6 +21,7 @@ from layoutexplore.errors import WorkerError
 from layoutexplore.plugins.transport import worker_pool
 from layoutexplore.processes import descendants, single_threaded
 from layoutexplore.processes.pools import worker_context
+from tests.programs import said_by
 
 PROGRAM = """
 import layoutexplore.grids.grid
@@ -186,3 +187,21 @@ def test_vector_environments_say_why_they_cannot_be_started(monkeypatch: pytest.
         FrontierVectorEnv(2, backend="processes", workers=2, plan="office-01")
     with pytest.raises(WorkerError, match="daemonic"):
         next(run_all(abs, [1, 2], jobs=2, lost=abs))
+
+
+OWN_POOL = """
+import multiprocessing, time
+from layoutexplore.processes import asked_to_stop, end_on_signals
+
+end_on_signals()
+for _ in range(3):
+    with multiprocessing.get_context("fork").Pool(2) as pool:  # which ends its workers by SIGTERM
+        pool.map(abs, [-1, 2])
+time.sleep(0.5)
+print(asked_to_stop())
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="nothing is forked here")
+def test_a_signal_to_what_own_code_has_forked_ends_nothing_else(tmp_path: Path) -> None:
+    assert said_by(OWN_POOL, tmp_path, from_stdin=False) == "0\n"

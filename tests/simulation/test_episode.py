@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import sys
 from collections.abc import Callable
 from typing import Any
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.benchmark.counterfactual import CounterfactualRollouts
 from layoutexplore.benchmark.rows import prepare
-from layoutexplore.errors import ConfigError, LayoutExploreError
+from layoutexplore.errors import ConfigError, LayoutExploreError, OwnCodeError
 from layoutexplore.frontiers.decision import STOP, Decision
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -119,6 +120,7 @@ def leave(decision: Decision) -> None:
             "agent 'meddler' has changed the robot's map",
         ),
         (lambda decision: fill(decision.track), ValueError, "read-only"),
+        (lambda decision: fill(decision.frontiers[0].cells), ValueError, "read-only"),
         (leave, SystemExit, "0"),
     ],
 )
@@ -129,6 +131,30 @@ def test_an_agent_that_breaks_off_is_named_with_its_decision(
     with pytest.raises(error, match=told) as failed:
         play(simulation, Meddler(meddle))
     assert failed.value.__notes__ == ["(agent 'meddler', decision 2 on 'house')"]
+
+
+class OwnPanic(BaseException):
+    """As compiled code raises it."""
+
+
+@pytest.mark.parametrize("error", [GeneratorExit, asyncio.CancelledError, OwnPanic])
+def test_what_is_no_exception_ends_a_run_as_one(error: type[BaseException]) -> None:
+    def end(decision: Decision) -> None:
+        raise error
+
+    simulation, _ = prepare(house(), SimulationConfig(), "nearest")
+    named = rf"^agent 'meddler', decision 2 on 'house':(.*\n)+.*{error.__name__}$"
+    with pytest.raises(OwnCodeError, match=named):
+        play(simulation, Meddler(end))
+
+
+def test_ctrl_c_stays_what_it_is() -> None:
+    def end(decision: Decision) -> None:
+        raise KeyboardInterrupt
+
+    simulation, _ = prepare(house(), SimulationConfig(), "nearest")
+    with pytest.raises(KeyboardInterrupt):
+        play(simulation, Meddler(end))
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,7 @@ EXAMPLES = {
     "train-fans": "--plans schools/ --out fan_model.json",
     "train-separator": "--plans schools/ --out separator_network.safetensors",
     "layout": "schools/ -m default -m ias15",
-    "clutter": "maps/*.png",
+    "clutter": "maps/*.png --out clutter",
     "map-noise": "recorded/ --plans schools/ --plans office:0-9 --out noise.toml --maps simulated/",
 }
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile, write_numbers
+from layoutexplore.cli.evaluate.options import JsonFile, holding, write_numbers
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -61,7 +61,6 @@ def closed_doors(
     """
     from layoutexplore.errors import ConfigError, require
     from layoutexplore.evaluation.closed_doors import cross_validate_closed_doors, evaluate, held_out_groups
-    from layoutexplore.files.locking import held
     from layoutexplore.maps.closed_door_maps import find_triples
 
     for option, given in (("--plans", plans), ("--cache", cache)):
@@ -71,7 +70,7 @@ def closed_doors(
         require("jinja2", "bench")
     check_places(out, json_file)
     triples = find_triples(folder)
-    with held(out, "study"):
+    with holding(out):
         if folds:
             groups = held_out_groups(triples, folds)
             learnt = _learn_from(folder, plans or (), cache)

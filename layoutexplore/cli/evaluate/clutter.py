@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile, end_study, write_numbers
+from layoutexplore.cli.evaluate.options import JsonFile, end_study, holding, write_numbers
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -28,6 +28,10 @@ def clutter(
         list[Path], typer.Argument(help="Clean grid maps, images or ROS YAML; or folders of images.")
     ],
     resolution: Annotated[float, typer.Option(min=0.001, help="Metres a pixel.")] = 0.05,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Folder that keeps the trials of each map; the same command goes on in it."),
+    ] = None,
     json_file: JsonFile = None,
 ) -> None:
     """ROSE on clean maps with clutter added.
@@ -43,10 +47,11 @@ def clutter(
         check_for_clutter(str(path), grid)
         return str(path), grid
 
-    check_places(None, json_file)
+    check_places(out, json_file)
     files = [f for path in maps for f in (sorted(path.glob("*.png")) if path.is_dir() else [path])]
     grids, failed = usable_maps(load, [f for f in files if not f.stem.endswith("_gt")])
-    summary, trials = run_study(dict(grids), progress=progress_lines())
+    with holding(out):
+        summary, trials = run_study(dict(grids), progress=progress_lines(), store=out)
     for key, value in asdict(summary).items():
         values = {"": value} if not isinstance(value, dict) else {f", {k}": v for k, v in value.items()}
         for which, number in values.items():

@@ -104,7 +104,7 @@ def _believed(
 ) -> list[BelievedRooms]:
     """Pictures of what predictors believe in one exploration."""
     from layoutexplore.agents import make_agent
-    from layoutexplore.frontiers.decision import Privileged
+    from layoutexplore.evaluation.partial_rooms import asking
     from layoutexplore.report.studies.in_the_loop import BelievedRooms, draw_believed_rooms
     from layoutexplore.training.explorations import PROTOCOL_AGENT
     from layoutexplore.training.snapshots import explore_plan
@@ -113,9 +113,8 @@ def _believed(
     found = []
     for snapshot in explore_plan(plan, agent, sensor=sensor, coverages=SHOWN, store=store):
         for name, predictor in predictors.items():
-            if isinstance(predictor, Privileged):
-                predictor.reveal(snapshot.truth)
-            image = draw_believed_rooms(snapshot, predictor.rooms(snapshot.decision))
+            with asking(predictor, name, snapshot):
+                image = draw_believed_rooms(snapshot, predictor.rooms(snapshot.decision))
             found.append(BelievedRooms(name, snapshot.coverage, image))
     return found
 

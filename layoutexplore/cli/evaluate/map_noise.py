@@ -48,7 +48,7 @@ def map_noise(
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.maps.library import find_plans
     from layoutexplore.training.map_noise.files import describe_folders, read_noise, write_cases
-    from layoutexplore.training.map_noise.fit import fit_noise, simulate_maps, told_apart
+    from layoutexplore.training.map_noise.fit import check_counts, fit_noise, simulate_maps, told_apart
     from layoutexplore.training.map_noise.simulate import WIDE
 
     check_places(maps, json_file)
@@ -58,6 +58,7 @@ def map_noise(
     names = find_plans(plans)
     config = read_noise(noise) if noise else WIDE
     table, groups, failed = describe_folders(real, resolution)
+    check_counts(len(table), count)
     progress = progress_lines()
     first = simulate_maps(names, config, count, seed=seed, progress=progress)
     fitted = fit_noise(table, first, config, keep)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -50,6 +51,13 @@ def asked_sensors(names: Iterable[str] | None) -> tuple[str, ...]:
     from layoutexplore.training.explorations import SENSORS
 
     return tuple(dict.fromkeys(sensor(name).name for name in names or SENSORS))
+
+
+def holding(out: Path | None) -> AbstractContextManager[None]:
+    """Hold the folder of a study, where it has one, to its end: another one there ends before it works."""
+    from layoutexplore.files.locking import held
+
+    return held(out, "study") if out else nullcontext()
 
 
 def end_study(failed: Sequence[str]) -> None:

@@ -16,6 +16,7 @@ from layoutexplore.cli.evaluate.options import (
     Sensors,
     asked_predictors,
     asked_sensors,
+    holding,
     write_numbers,
 )
 from layoutexplore.files import check_places
@@ -106,20 +107,21 @@ def partial_rooms(
     )
     names = list(predictors)
     gallery = Gallery("layout" if "layout" in names else names[0])
-    scores = score_predictors(taken, predictors, gallery if out else None)
-    summary = summarise_partial_rooms(scores)
-    print_summary(summary)
-    if "layout" in names:
-        typer.echo(f"note: {NOTE}")
-    data = {
-        "summary": {name: asdict(part) for name, part in summary.items()},
-        "rooms": [asdict(r) for r in scores.rooms],
-        "ms": scores.milliseconds,
-    }
-    write_numbers(json_file, data | {"frontiers": [asdict(f) for f in scores.frontiers]}, indent=None)
-    if out is not None:
-        written = write_partial_rooms_report(out, scores, summary, gallery, command=command_line())
-        typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
+    with holding(out):
+        scores = score_predictors(taken, predictors, gallery if out else None)
+        summary = summarise_partial_rooms(scores)
+        print_summary(summary)
+        if "layout" in names:
+            typer.echo(f"note: {NOTE}")
+        data = {
+            "summary": {name: asdict(part) for name, part in summary.items()},
+            "rooms": [asdict(r) for r in scores.rooms],
+            "ms": scores.milliseconds,
+        }
+        write_numbers(json_file, data | {"frontiers": [asdict(f) for f in scores.frontiers]}, indent=None)
+        if out is not None:
+            written = write_partial_rooms_report(out, scores, summary, gallery, command=command_line())
+            typer.echo(f"written: {written[0]} and {len(written) - 1} files beside it")
 
 
 def judge_explorations(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from layoutexplore.cli.evaluate.options import Sensors, asked_sensors
+from layoutexplore.cli.evaluate.options import Sensors, asked_sensors, holding
 
 if TYPE_CHECKING:
     from layoutexplore.evaluation.registration import RegistrationRow
@@ -156,7 +156,7 @@ def _rows(
     jobs = min(JOBS.convert("--jobs", jobs), len(tasks))
     work = partial(rows_of_source, kinds=kinds, among=among, store=out)
     found: list[RegistrationRow] = []
-    with ProgressLine(plain_console(), "explorations") as line, worker_map(jobs) as spread:
+    with holding(out), ProgressLine(plain_console(), "explorations") as line, worker_map(jobs) as spread:
         for k, rows in enumerate(spread(work, *zip(*tasks, strict=True))):
             found += rows
             line.advance(k + 1, len(tasks), (k + 1) / len(tasks), tasks[k][0])

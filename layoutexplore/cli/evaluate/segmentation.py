@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from layoutexplore.cli.evaluate.options import JsonFile, PlanFolders, end_study, write_numbers
+from layoutexplore.cli.evaluate.options import JsonFile, PlanFolders, end_study, holding, write_numbers
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -65,7 +65,11 @@ Simulated = Annotated[
 ]
 
 ReportFolder = Annotated[
-    Path | None, typer.Option(help="Folder for report.html, results.csv and a picture per map.")
+    Path | None,
+    typer.Option(
+        help="Folder for report.html, results.csv and a picture per map; where maps are held out, the same "
+        "command goes on in it."
+    ),
 ]
 
 
@@ -108,26 +112,27 @@ def segmentation(
         require("jinja2", "bench")
     _say_scales(cases)
     cases, failed = usable_cases(cases, resolution)
-    if folds or leave_out:
-        _say_guesses(cases)
-        config = CrossValidationConfig(
-            folds=folds,
-            protocol=protocol,
-            resolution=resolution,
-            simulated=simulated,
-            plans=tuple(find_plans(plans or ())),
-            seeds=seeds,
-            weights=weights_of(weight, cases),
-            sources=_sources(source, cases),
-        )
-        results = _scores_held_out(cases, config, by_source=leave_out is not None)
-    else:
-        results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
-    collected = _collect(results, failed)
-    _print_all([row for _, row, _ in collected], by_source=leave_out is not None)
-    held_out = "each source left out" if leave_out else f"{folds} folds of buildings" if folds else ""
-    said = {"protocol": protocol, "resolution": resolution, "held_out": held_out, "failed": failed}
-    _write_results(collected, json_file, out, said)
+    with holding(out):
+        if folds or leave_out:
+            _say_guesses(cases)
+            config = CrossValidationConfig(
+                folds=folds,
+                protocol=protocol,
+                resolution=resolution,
+                simulated=simulated,
+                plans=tuple(find_plans(plans or ())),
+                seeds=seeds,
+                weights=weights_of(weight, cases),
+                sources=_sources(source, cases),
+            )
+            results = _scores_held_out(cases, config, out, by_source=leave_out is not None)
+        else:
+            results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
+        collected = _collect(results, failed)
+        _print_all([row for _, row, _ in collected], by_source=leave_out is not None)
+        held_out = "each source left out" if leave_out else f"{folds} folds of buildings" if folds else ""
+        said = {"protocol": protocol, "resolution": resolution, "held_out": held_out, "failed": failed}
+        _write_results(collected, json_file, out, said)
     end_study(failed)
 
 
@@ -162,14 +167,14 @@ def _collect(
 
 
 def _scores_held_out(
-    cases: Sequence[Case], config: CrossValidationConfig, *, by_source: bool
+    cases: Sequence[Case], config: CrossValidationConfig, out: Path | None, *, by_source: bool
 ) -> Iterator[tuple[Case, MapScore, NDArray[np.int32]]]:
     """Each map with its score by a classifier that has seen no map of its fold, or of its source."""
     from layoutexplore.cli.progress import progress_lines
     from layoutexplore.evaluation.cross_validation import cross_validate_merging, leave_sources_out
 
     validate = leave_sources_out if by_source else cross_validate_merging
-    return validate(cases, config, progress=progress_lines())
+    return validate(cases, config, progress_lines(), store=out and out / "scores")
 
 
 def _say_scales(cases: Sequence[Case]) -> None:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from layoutexplore.cli.evaluate.options import holding
+
 if TYPE_CHECKING:
     from layoutexplore.evaluation.partial_rooms import Scores
     from layoutexplore.predictors.snapshot import Snapshot
@@ -109,34 +111,39 @@ def train_predictor(
     if network:
         require("torch", "rl")
     check_places(out, store=store)
-    taken = predictor.rooms_of(rooms_of) if rooms_of else {}
-    rooms = not taken
-    explorations = predictor.ExplorationConfig(starts=starts, stretched=stretched, stops=stops, store=store)
-    seen = _explore(plans, explorations, forests=forests, network=network, rooms=rooms)
-    groups = predictor.buildings_of(seen, folds)
-    held_out = _parts(seen, groups, folds, plans if leave_out else ())
-    less_certain = predictor.buildings_of_words(seen, groups, _sources(plans), doubtful or ())
-    config = PredictorForestConfig(trees=trees, cell_trees=trees // 2, doubtful=less_certain)
-    samples = join_samples(seen.samples, groups) if forests else None
-    if samples:
-        typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells")
-    lengths = first_steps, steps, frontier_steps
-    trainer = predictor.NetworkTrainer(seen, groups, *lengths, _steps_line, rooms=rooms) if network else None
+    with holding(out):
+        taken = predictor.rooms_of(rooms_of) if rooms_of else {}
+        rooms = not taken
+        explorations = predictor.ExplorationConfig(
+            starts=starts, stretched=stretched, stops=stops, store=store
+        )
+        seen = _explore(plans, explorations, forests=forests, network=network, rooms=rooms)
+        groups = predictor.buildings_of(seen, folds)
+        held_out = _parts(seen, groups, folds, plans if leave_out else ())
+        less_certain = predictor.buildings_of_words(seen, groups, _sources(plans), doubtful or ())
+        config = PredictorForestConfig(trees=trees, cell_trees=trees // 2, doubtful=less_certain)
+        samples = join_samples(seen.samples, groups) if forests else None
+        if samples:
+            typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells")
+        lengths = first_steps, steps, frontier_steps
+        trainer = (
+            predictor.NetworkTrainer(seen, groups, *lengths, _steps_line, rooms=rooms) if network else None
+        )
 
-    def train(folder: Path, wanted: Callable[[str], bool], unseen: Mapping[str, str]) -> None:
-        with all_or_none(folder) as models:
-            if samples:
-                train_models(samples.of_buildings(wanted), models, unseen, config)
-            if trainer:
-                trainer.write(models, wanted)
-            predictor.write_rooms(models, taken)
-            predictor.forget_networks(folder)
-        without = f", trained without {', '.join(sorted(set(unseen.values())))}" if unseen else ""
-        typer.echo(f"written: {folder}{without}")
+        def train(folder: Path, wanted: Callable[[str], bool], unseen: Mapping[str, str]) -> None:
+            with all_or_none(folder) as models:
+                if samples:
+                    train_models(samples.of_buildings(wanted), models, unseen, config)
+                if trainer:
+                    trainer.write(models, wanted)
+                predictor.write_rooms(models, taken)
+                predictor.forget_networks(folder)
+            without = f", trained without {', '.join(sorted(set(unseen.values())))}" if unseen else ""
+            typer.echo(f"written: {folder}{without}")
 
-    if held_out:
-        _train_parts(train, seen, groups, held_out, out, by_part=leave_out is not None)
-    train(out, lambda group: True, {})
+        if held_out:
+            _train_parts(train, seen, groups, held_out, out, by_part=leave_out is not None)
+        train(out, lambda group: True, {})
 
 
 def _explore(

@@ -103,7 +103,7 @@ def fit_noise(real: Floats, simulated: SimulatedMaps, config: MapNoiseConfig, ke
     Raises:
         ConfigError: Too few maps.
     """
-    _check_counts(len(real), len(simulated.maps))
+    check_counts(len(real), len(simulated.maps))
     ours, theirs = standardised(simulated.statistics(), real), standardised(real, real)
     # each real map calls the simulated ones nearest to it, so that the kept ones cover all kinds
     distance = np.sqrt(((ours[:, None] - theirs[None]) ** 2).sum(axis=2))
@@ -136,7 +136,7 @@ def told_apart(real: Floats, real_groups: Sequence[str], simulated: SimulatedMap
     from sklearn.metrics import roc_auc_score
     from sklearn.model_selection import StratifiedGroupKFold, cross_val_predict
 
-    _check_counts(len(real), len(simulated.maps))
+    check_counts(len(real), len(simulated.maps))
     if min(len({*real_groups}), len({*simulated.buildings})) < 2:
         return float("nan")
     table = standardised(np.vstack([real, simulated.statistics()]), real)
@@ -150,10 +150,12 @@ def told_apart(real: Floats, real_groups: Sequence[str], simulated: SimulatedMap
     return float(roc_auc_score(truth, odds))
 
 
-def _check_counts(real: int, simulated: int) -> None:
+def check_counts(real: int, simulated: int) -> None:
+    """Raise `ConfigError` where there are too few maps to fit noise to, or to tell two kinds apart."""
     if min(real, simulated) < FEWEST:
+        more = "" if simulated >= FEWEST else "; --count N tries more, of --plans where a robot fits in"
         raise ConfigError(
-            f"at least {FEWEST} maps of each kind are needed: {real} real, {simulated} simulated"
+            f"at least {FEWEST} maps of each kind are needed: {real} real, {simulated} simulated{more}"
         )
 
 

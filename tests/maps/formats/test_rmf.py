@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 
 import pytest
@@ -79,3 +80,15 @@ def test_a_level_without_measurements_goes_by_fiducials(tmp_path: Path) -> None:
     path.write_text(RMF + shared.replace("b]", "x]").replace("c]", "y]") + UPPER)
     with pytest.raises(MapError, match=r"L2: no usable measurement.* or two fiducials"):
         load_plan(f"{path}#L2")
+
+
+def test_measurements_that_contradict_each_other_are_named(tmp_path: Path) -> None:
+    path, more = tmp_path / "two.building.yaml", "    - [0, 5, {distance: [3, %s]}]\n"
+    path.write_text(RMF + more % 4.3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert load_plan(path).bounds[2] == pytest.approx(10.275 + 0.1, abs=0.2)
+    path.write_text(RMF + more % 6.0)
+    said = r"contradict each other, 0\.02 from vertex 0 to 2 and 0\.03 from vertex 0 to 5 .* 0\.025 is taken"
+    with pytest.warns(MapWarning, match=said):
+        load_plan(path)

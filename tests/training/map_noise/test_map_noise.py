@@ -18,7 +18,13 @@ from layoutexplore.grids.grid import FREE
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.painted_rooms import find_cases, read_case
 from layoutexplore.training.map_noise.files import describe_folders, read_noise, write_cases
-from layoutexplore.training.map_noise.fit import SimulatedMaps, fit_noise, simulate_maps, told_apart
+from layoutexplore.training.map_noise.fit import (
+    SimulatedMaps,
+    check_counts,
+    fit_noise,
+    simulate_maps,
+    told_apart,
+)
 from layoutexplore.training.map_noise.simulate import WIDE, MapNoise, MapNoiseConfig, NoisyMap, simulate_map
 from layoutexplore.training.map_noise.statistics import describe_grid
 from layoutexplore.training.merging_examples import Example
@@ -91,6 +97,15 @@ def test_a_fit_finds_the_noise_that_maps_were_made_with() -> None:
     assert told_apart(real, [str(k) for k in range(len(real))], clean) > 0.9
     with pytest.raises(ConfigError, match="at least 10"):
         told_apart(real[:3], ["a"] * 3, clean)
+
+
+def test_too_few_maps_are_told_with_what_makes_more() -> None:
+    none = SimulatedMaps((), ())
+    table = np.random.default_rng(0).random((24, 10))
+    with pytest.raises(ConfigError, match="24 real, 0 simulated; --count N tries more"):
+        fit_noise(table, none, MapNoiseConfig(), 0.3)
+    with pytest.raises(ConfigError, match=r"3 real, 20 simulated$"):
+        check_counts(3, 20)
 
 
 def test_maps_of_one_building_cannot_be_told_apart_held_out() -> None:
