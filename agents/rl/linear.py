@@ -22,7 +22,7 @@ class PolicyAgent:
     """Goes to the frontier with the highest logit; it stops only when none is left.
 
     Where the spec says so, it looks all around on its way and chooses anew by what it sees (see
-    `LookingAround`), and takes the advice of `watchful-tour`.
+    `LookingAround`), and takes the advice of `watchful-tour` where its lidar sees all around.
 
     Args:
         name: What it is called in results.
@@ -69,14 +69,14 @@ class PolicyAgent:
         return self._looking.choose(decision, self._decide, anew=True)
 
     def _decide(self, decision: Decision) -> int:
-        """The number of the frontier with the highest logit, that of its place in a tour added to it."""
+        """The number of the frontier with the highest logit, what its place in a tour is worth added."""
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is told below
             logits = self.logits(decision)
         if not np.isfinite(logits).all():
             if decision.fault:
                 raise ConfigError(f"decision {decision.fault}")
             raise ResultsError(f"{self.name}: a logit is not finite: its weights are damaged, train it again")
-        if self.spec.watchful:
+        if self.spec.watchful and decision.sensor.full_turn:
             tour = plan_watchful_tour(decision, WatchfulTourOptions())
             logits = logits.copy()
             logits[tour] += self.spec.watchful / np.arange(1, len(tour) + 1)

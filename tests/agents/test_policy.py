@@ -19,7 +19,7 @@ from layoutexplore.agents.rl.linear import LinearPolicy, PolicyAgent
 from layoutexplore.agents.watchful_tour import WatchfulTourOptions, plan_watchful_tour
 from layoutexplore.benchmark.rows import prepare
 from layoutexplore.errors import ResultsError
-from layoutexplore.files import to_toml
+from layoutexplore.files import parse_toml, to_toml
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Floats32
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
@@ -67,6 +67,11 @@ def test_what_ships_chooses_as_its_network_does(name: str, sensor: str) -> None:
         choice = agent.act(decision)
         assert np.array_equal(choice, network.act(decision))
         decision = simulation.step(choice)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_card_beside_the_weights_is_the_one_in_their_file(name: str) -> None:
+    assert parse_toml(find_policy(name).with_suffix(".toml").read_text(), name) == read_card(find_policy(name))
 
 
 @pytest.mark.parametrize("encoder", ["none", "pooled"])
@@ -142,18 +147,15 @@ def test_it_chooses_anew_as_soon_as_it_sees_anything_on_its_way() -> None:
 
 
 @pytest.mark.parametrize(("watchful", "goes"), [(0.0, 17), (1.5, 17), (2.5, 2)])
-def test_the_place_in_the_tour_of_watchful_tour_counts_as_much_as_the_card_says(
-    watchful: float, goes: int
-) -> None:
+def test_the_tour_of_watchful_tour_counts_where_the_lidar_sees_all_around(watchful: float, goes: int) -> None:
     """The tour begins on the left: the weight is whole there and half on the right, whose logit is 1 more."""
     both = decide(CORRIDOR, (1, 2, 2.0, 9.0), (1, 17, 2.0, 9.0))
     assert both.viewpoints[plan_watchful_tour(both, WatchfulTourOptions()), 1].tolist() == [2, 17]
     agent, step = Favourite(watchful=watchful), 1 if goes == 17 else -1
-    steps = [[1, 7], [1, 7 + step], [1, 7 + 2 * step]]
-    assert np.array_equal(agent.act(looking(both)), steps)
+    assert np.array_equal(agent.act(looking(both)), [[1, 7], [1, 8], [1, 9]]), "its own favourite"
     agent.reset(0)
     choice = agent.act(looking(both, fov=2 * np.pi))
-    if watchful:  # it makes steps with a lidar that sees all around, too, as `watchful-tour` does
-        assert np.array_equal(choice, steps)
+    if watchful:  # it makes steps there, too, as `watchful-tour` does
+        assert np.array_equal(choice, [[1, 7], [1, 7 + step], [1, 7 + 2 * step]])
     else:
         assert isinstance(choice, int) and both.viewpoints[choice, 1] == goes
