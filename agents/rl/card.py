@@ -58,8 +58,8 @@ class PolicySpec:
         sensors: The lidars that it was trained with.
         tour: How the tour that it is shown weighs ways and areas.
         look_every: Metres after which it looks all around on its way, where that shows more; 0: never.
-        watchful: Weight of 1 / the place in the tour of `watchful-tour`, beside its own logits, where the lidar
-            sees all around; above 0 it decides every `look_every` metres there, too, as that agent does.
+        watchful: Weight of 1 / the place in the tour of `watchful-tour`, beside its own logits, where the
+            lidar sees all around; above 0 it decides every `look_every` metres there, too.
         format: Version of the format.
         version: Version of layoutexplore that wrote it.
     """

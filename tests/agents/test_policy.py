@@ -71,7 +71,8 @@ def test_what_ships_chooses_as_its_network_does(name: str, sensor: str) -> None:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_card_beside_the_weights_is_the_one_in_their_file(name: str) -> None:
-    assert parse_toml(find_policy(name).with_suffix(".toml").read_text(), name) == read_card(find_policy(name))
+    path = find_policy(name)
+    assert parse_toml(path.with_suffix(".toml").read_text(), name) == read_card(path)
 
 
 @pytest.mark.parametrize("encoder", ["none", "pooled"])
