@@ -16,8 +16,8 @@ from hypothesis import HealthCheck, settings
 # Two test processes with a thread a core each get into each other's way: trainings took four times as long.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-# A runner makes all commands anew for each line it is given: nearly a tenth of a second, hundreds of times.
-typer.testing._get_command = functools.cache(typer.testing._get_command)
+# All commands are made anew for each line that is given: nearly a tenth of a second, hundreds of times.
+typer.main.get_command = typer.testing._get_command = functools.cache(typer.main.get_command)
 
 # Hypothesis fails what takes longer than 200 ms: on a busy machine, or while kernels compile, anything may.
 settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
