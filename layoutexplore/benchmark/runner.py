@@ -260,17 +260,15 @@ def _warm_up_for(task: Task, config: BenchmarkConfig, code: OwnCode) -> None:
 
 
 def _warm_up(cell: tuple[str, str], config: BenchmarkConfig, code: OwnCode) -> None:
-    done = hash((repr(config.simulation_with(cell[0])), cell[1], config.explain, repr(code)))
-    if done in _warm:
-        return
-    _warm.add(done)
     cv2.setNumThreads(1)
     # An agent that fails here fails again in its runs, where the failure is recorded.
     with contextlib.suppress(Exception, SystemExit), code.installed():
-        play(
-            *prepare(warm_up_plan(), config.simulation_with(cell[0]), cell[1]),
-            probe=CounterfactualRollouts if config.explain else None,
-        )
+        simulation = config.simulation_with(cell[0])
+        probe = CounterfactualRollouts if config.explain else None
+        done = hash((repr(simulation), cell[1], config.explain, has_own_code(cell[1]) and repr(code)))
+        if done not in _warm:
+            _warm.add(done)
+            play(*prepare(warm_up_plan(), simulation, cell[1]), probe=probe)
 
 
 def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: OwnCode = NO_CODE) -> Row:
