@@ -240,8 +240,7 @@ def warm_up(
         own = [agent for agent in config.agents if has_own_code(agent)]
     cells = [(s, a) for s in config.sensors for a in config.agents if not (apart and a in own)]
     if jobs > 1:
-        for _ in run_all(functools.partial(_warm_up, config=config, code=code), cells, jobs=jobs, lost=bool):
-            pass
+        list(run_all(functools.partial(_warm_up, config=config, code=code), cells, jobs=jobs, lost=bool))
         return
     for cell in cells:
         if cell[1] in own:
@@ -249,27 +248,27 @@ def warm_up(
         _warm_up(cell, config, code)
 
 
-_warm: set[tuple[str, str]] = set()
-"""Sensor and agent that this process has warmed up for."""
+_warm: set[int] = set()
+"""Hashes of what this process has warmed up for."""
 
 
 def _warm_up_for(task: Task, config: BenchmarkConfig, code: OwnCode) -> None:
-    """As `warm_up`, of one task alone, unless it is done: a worker in a dead one's place begins soon."""
+    """As `warm_up`, of one task alone: a worker in a dead one's place begins soon."""
     with contextlib.suppress(Exception, SystemExit):  # the run fails in the same way
         cached_plan(task.plan.source)
-    if (task.sensor, task.agent) not in _warm:
-        _warm_up((task.sensor, task.agent), config, code)
+    _warm_up((task.sensor, task.agent), config, code)
 
 
 def _warm_up(cell: tuple[str, str], config: BenchmarkConfig, code: OwnCode) -> None:
-    _warm.add(cell)
     cv2.setNumThreads(1)
     # An agent that fails here fails again in its runs, where the failure is recorded.
     with contextlib.suppress(Exception, SystemExit), code.installed():
-        play(
-            *prepare(warm_up_plan(), config.simulation_with(cell[0]), cell[1]),
-            probe=CounterfactualRollouts if config.explain else None,
-        )
+        simulation = config.simulation_with(cell[0])
+        probe = CounterfactualRollouts if config.explain else None
+        done = hash((repr(simulation), cell[1], config.explain, has_own_code(cell[1]) and repr(code)))
+        if done not in _warm:
+            _warm.add(done)
+            play(*prepare(warm_up_plan(), simulation, cell[1]), probe=probe)
 
 
 def run_task(task: Task, config: BenchmarkConfig, folder: ResultsFolder, code: OwnCode = NO_CODE) -> Row:

@@ -183,10 +183,11 @@ def find_words(image: Bytes, config: BlueprintConfig) -> list[tuple[int, int, in
     """
     if image.ndim not in (2, 3) or not image.size:
         raise MapError(f"a picture has the shape (h, w) or (h, w, 3), got {image.shape}")
-    tesseract = require("pytesseract", "blueprint")
+    tesseract, pillow = require("pytesseract", "blueprint"), require("PIL.Image", "blueprint")
     pixels = image.shape[0] * image.shape[1]
     scale = min(config.magnification, max(math.sqrt(_MOST_PIXELS / pixels), 1.0))
-    large = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+    large = pillow.fromarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC))
+    large.format = "TIFF"  # of the file that it is handed over in: to compress one takes longer
     try:
         found = tesseract.image_to_data(
             large, config="--psm 11", output_type=tesseract.Output.DICT, timeout=_SECONDS

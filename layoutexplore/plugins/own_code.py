@@ -256,12 +256,15 @@ def _look_beside(folder: Path) -> None:
     first = min(sys.path.index(other) for other in _folders if other in sys.path)
     if sys.path[first] == here:
         return
+    beside: set[str] = set()
+    with contextlib.suppress(OSError):  # a folder that is gone, or that may not be listed
+        beside = {path.stem if path.suffix == ".py" else path.name for path in folder.iterdir()}
     for name, module in list(sys.modules.items()):
+        if name.partition(".")[0] not in beside:
+            continue
         file = own_file(module) if isinstance(module, ModuleType) else None
         homes = {str(home) for path in names_of(file) for home in path.parents} if file else set()
-        top = name.partition(".")[0]
-        is_beside = (folder / f"{top}.py").is_file() or (folder / top).is_dir()
-        if here not in homes and homes.intersection(_folders) and is_beside:
+        if here not in homes and homes.intersection(_folders):
             del sys.modules[name]
     sys.path.remove(here)
     sys.path.insert(first, here)

@@ -44,25 +44,41 @@ def net_polygons(graph: SpaceGraph, outline: Polygon, config: DrawnConfig) -> di
     keys = list(graph.polygons)
     shrunk = shapely.buffer([graph.polygons[k] for k in keys], -config.interior_wall / 2, join_style="mitre")
     floors = shapely.set_precision(shapely.intersection(shrunk, inside), GRID)
+    west, south, east, north = shapely.bounds(floors).T
+    fills = shapely.area(floors) > (east - west) * (north - south) - 1e-9
+    boxes = fills & (np.minimum(east - west, north - south) > 1.0)  # most: neither narrow nor with a neck
     net: dict[int, Polygon] = {}
-    for key, floor in zip(keys, floors, strict=True):
-        if floor.geom_type != "Polygon" or floor.is_empty or floor.interiors or floor.buffer(-0.45).is_empty:
+    for key, floor, is_box in zip(keys, floors, boxes, strict=True):
+        whole = floor.geom_type == "Polygon" and not floor.is_empty and not floor.interiors
+        if not whole or (not is_box and floor.buffer(-0.45).is_empty):
             raise AttemptError(f"space {key} ({graph.labels[key]}) is too narrow")
-        if floor.buffer(-0.3, join_style="mitre").geom_type != "Polygon":
+        if not is_box and floor.buffer(-0.3, join_style="mitre").geom_type != "Polygon":
             raise AttemptError(f"space {key} ({graph.labels[key]}) has a neck")
         net[key] = shapely.normalize(floor)
     return net
 
 
 def build_rooms(
-    graph: SpaceGraph, outline: Polygon, config: DrawnConfig, closed_doors: float, rng: np.random.Generator
+    graph: SpaceGraph,
+    net: dict[int, Polygon],
+    outline: Polygon,
+    config: DrawnConfig,
+    closed_doors: float,
+    rng: np.random.Generator,
 ) -> Built:
     """Walls, rooms and doors of a space graph, of which the share `closed_doors` is shut.
 
+    Args:
+        graph: It.
+        net: Its `net_polygons`.
+        outline: Of the building, on the centre lines of its walls.
+        config: The parameters.
+        closed_doors: Share of the inner doors, 0-1.
+        rng: Draws where doors stand and which are shut.
+
     Raises:
-        AttemptError: A door has no wall, a room is too narrow, or a room has no way in.
+        AttemptError: A door has no wall, or a room has no way in.
     """
-    net = net_polygons(graph, outline, config)
     doors = place_doors(graph, outline, config, rng)
     number = {key: k + 1 for k, key in enumerate(sorted(net))}
     rooms = [Room(id=number[key], polygon=net[key], label=graph.labels[key]) for key in sorted(net)]

@@ -7,6 +7,7 @@ frame away from the corner. Closing doors later never cuts off more than the one
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 
@@ -50,8 +51,18 @@ def wall_runs(a: Polygon, b: BaseGeometry) -> list[Floats]:
         >>> round(float(np.hypot(*(run[-1] - run[0]))), 2)
         2.03
     """
+    return _runs_within(a, _band(b))
+
+
+def _band(b: BaseGeometry) -> BaseGeometry:
+    """What lies within the tolerance of b."""
     b = shapely.remove_repeated_points(b, ROUNDING)  # at such vertices a mitred buffer divides by zero
-    shared = a.exterior.intersection(b.buffer(TOLERANCE, join_style="mitre"))
+    return b.buffer(TOLERANCE, join_style="mitre")
+
+
+def _runs_within(a: Polygon, band: BaseGeometry) -> list[Floats]:
+    """The runs of a's boundary within a band, longest first (m)."""
+    shared = a.exterior.intersection(band)
     if shared.geom_type != "LineString":
         shared = shapely.line_merge(shapely.multilinestrings(_lines(shared)))
     runs = [run for line in _lines(shared) for run in _split_at_corners(shapely.get_coordinates(line))]
@@ -88,9 +99,12 @@ def place_doors(
     """
     doors: list[Door] = []
     taken: dict[tuple[int, int], list[BaseGeometry]] = {}
+    # The outline and the corridors are asked for again and again.
+    facade = outline.boundary if outline.interiors else outline.exterior
+    band = functools.cache(lambda key: _band(facade if key == OUTSIDE else graph.polygons[key]))
     for link in graph.resolved_links():
         others = taken.setdefault((min(link.a, link.b), max(link.a, link.b)), [])
-        span = _span(graph, outline, link, config, rng, others)
+        span = _span(link, _runs_within(graph.polygons[link.b], band(link.a)), outline, config, rng, others)
         if span is None:
             if link.optional:
                 continue
@@ -105,21 +119,17 @@ def place_doors(
 
 
 def _span(
-    graph: SpaceGraph,
-    outline: Polygon,
     link: Link,
+    runs: list[Floats],
+    outline: Polygon,
     config: DrawnConfig,
     rng: np.random.Generator,
     taken: Sequence[BaseGeometry],
 ) -> Floats | None:
-    """Both ends, float64 (2, 2), of the opening for a link; None where the wall has no room for it."""
+    """Both ends, float64 (2, 2), of a link's opening on runs of wall; None where no run is long enough."""
     width = _wanted_width(link, config)
     shift = float(rng.choice([0.04, 0.12, 0.25]))
-    space = graph.polygons[link.b]
-    other: BaseGeometry = outline.exterior if link.a == OUTSIDE else graph.polygons[link.a]
-    if link.a == OUTSIDE and outline.interiors:
-        other = outline.boundary
-    for run in _by_distance(wall_runs(space, other), link):
+    for run in _by_distance(runs, link):
         margins = _margins(run, outline, config)
         span = _on_run(run, link, width, margins, shift)
         if span is not None and not any(block.intersects(LineString(span)) for block in taken):

@@ -59,11 +59,12 @@ ATTEMPTS = 40
 
 @dataclass
 class _Attempt:
-    """A space graph with its outline, and how far it is from what was asked."""
+    """A space graph with its outline and net polygons, and how far it is from what was asked."""
 
     number: int
     graph: SpaceGraph
     outline: Polygon
+    floors: dict[int, Polygon]
     error: float
 
 
@@ -99,6 +100,7 @@ def generate(family: str, seed: int, config: PlanConfig | None = None, **paramet
         try:
             built = build_rooms(
                 attempt.graph,
+                attempt.floors,
                 attempt.outline,
                 drawn,
                 wanted.closed_doors,
@@ -141,7 +143,7 @@ def _attempts(family: str, seed: int, config: DrawnConfig) -> Iterator[_Attempt]
             continue
         size = float(shapely.area(list(floors.values())).sum()) / config.area
         count = 1.0 if config.rooms is None else len(floors) / config.rooms
-        attempt = _Attempt(number, graph, outline, abs(size - 1.0) + 0.5 * abs(count - 1.0))
+        attempt = _Attempt(number, graph, outline, floors, abs(size - 1.0) + 0.5 * abs(count - 1.0))
         if abs(size - 1.0) <= AREA_GOOD and abs(count - 1.0) <= ROOMS_GOOD:
             yield attempt
         elif abs(size - 1.0) <= AREA_LIMIT:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 from itertools import combinations
 from pathlib import Path
@@ -28,6 +29,7 @@ LAYOUTS = (PAGES / "concepts" / "layouts.md").read_text()
 EMPTY = OccupancyGrid(np.zeros((4, 4), np.int8), 0.1)
 
 
+@functools.cache
 def hard_inputs() -> dict[str, NDArray[np.int8]]:
     rng = np.random.default_rng(0)
     rows, cols = np.mgrid[:180, :180] - 90

@@ -19,16 +19,17 @@ OTHER = 100
 
 def anew(cells: Cells) -> tuple[Ints, int]:
     """Labels int64 (rows, cols), and how many there are: one queue of cells, in raster order at first."""
-    labels, count = ndimage.label(cells == SEED)
-    labels = labels.astype(np.int64)
-    queue = deque((r, c) for r, c in np.argwhere(labels).tolist())
+    seeds, count = ndimage.label(cells == SEED)
+    queue = deque((r, c) for r, c in np.argwhere(seeds).tolist())
+    label_of, bare = seeds.tolist(), (cells == BARE).tolist()
     while queue:
         r, c = queue.popleft()
         for y, x in ((r - 1, c), (r + 1, c), (r, c - 1), (r, c + 1)):
             inside = 0 <= y < cells.shape[0] and 0 <= x < cells.shape[1]
-            if inside and cells[y, x] == BARE and not labels[y, x]:
-                labels[y, x] = labels[r, c]
+            if inside and bare[y][x] and not label_of[y][x]:
+                label_of[y][x] = label_of[r][c]
                 queue.append((y, x))
+    labels = np.array(label_of, np.int64)
     left, more = ndimage.label((cells == BARE) & (labels == 0))
     return np.where(left > 0, left + count, labels), count + more
 

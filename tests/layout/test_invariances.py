@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -34,6 +35,7 @@ MOVES: dict[str, tuple[Move, Move]] = {
 }
 
 
+@functools.cache
 def generated(furniture: int = 0) -> OccupancyGrid:
     """A generated apartment, with boxes of furniture."""
     raster = load_plan("apartment:5").rasterize(0.1, margin=0.5)
@@ -43,9 +45,11 @@ def generated(furniture: int = 0) -> OccupancyGrid:
         height, width = rng.integers(2, 9, 2)
         box = cells[row : row + height, col : col + width]
         box[box == 0] = 100
+    cells.flags.writeable = False  # tests share it
     return OccupancyGrid(cells, 0.1)
 
 
+@functools.cache
 def noisy() -> OccupancyGrid:
     """The apartment as a bad sensor draws it: walls with holes and bumps, specks, unseen patches."""
     grid, rng = generated(10), np.random.default_rng(2)
@@ -54,6 +58,7 @@ def noisy() -> OccupancyGrid:
     cells[near & (rng.random(grid.shape) < 0.15)] = 100
     cells[grid.occupied & (rng.random(grid.shape) < 0.1)] = 0
     cells[rng.random(grid.shape) < 0.01] = -1
+    cells.flags.writeable = False
     return OccupancyGrid(cells, grid.resolution)
 
 

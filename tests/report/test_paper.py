@@ -34,8 +34,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> ResultsFolder:
     return run_benchmark(config, tmp_path_factory.mktemp("results") / "out").folder
 
 
-def test_every_chart_and_table_is_written(folder: ResultsFolder, tmp_path: Path) -> None:
-    written = write_paper(folder, tmp_path)
+@pytest.fixture(scope="module")
+def written(folder: ResultsFolder, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    return write_paper(folder, tmp_path_factory.mktemp("paper"))
+
+
+def test_every_chart_and_table_is_written(written: list[Path]) -> None:
     assert all(path.is_file() for path in written)
     kinds = {path.stem: {p.suffix for p in written if p.stem == path.stem} for path in written}
     assert kinds["ratios-stage"] == {".svg", ".pdf", ".tex", ".csv"}
@@ -46,36 +50,30 @@ def test_every_chart_and_table_is_written(folder: ResultsFolder, tmp_path: Path)
             assert ElementTree.parse(path).getroot().tag.endswith("svg")
         if path.suffix == ".pdf":
             assert path.read_bytes().startswith(b"%PDF-") and path.read_bytes().rstrip().endswith(b"%%EOF")
-    (found,) = [row for row in csv.reader((tmp_path / "plans.csv").open()) if row[0] == "a_1 & co"]
-    text = (tmp_path / "plans.tex").read_text()
+    (found,) = [row for row in csv.reader((written[0].parent / "plans.csv").open()) if row[0] == "a_1 & co"]
+    text = (written[0].parent / "plans.tex").read_text()
     assert r"a\_1 \& co" in text and " & ".join(found[2:]) in text
     rows = [line for line in text.splitlines() if line.endswith(r"\\")]
     assert len({line.replace(r"\&", "").count("&") for line in rows}) == 1
 
 
-def test_agents_that_know_the_plan_are_marked(folder: ResultsFolder, tmp_path: Path) -> None:
-    write_paper(folder, tmp_path)
-    (names, *_) = zip(*csv.reader((tmp_path / "ratios-stage.csv").open()), strict=True)
+def test_agents_that_know_the_plan_are_marked(written: list[Path]) -> None:
+    (names, *_) = zip(*csv.reader((written[0].parent / "ratios-stage.csv").open()), strict=True)
     assert set(names[1:]) == {*AGENTS, "clairvoyant (knows the plan)"} - {"clairvoyant"}
-    assert r"clairvoyant (knows the plan) & " in (tmp_path / "ratios-stage.tex").read_text()
+    assert r"clairvoyant (knows the plan) & " in (written[0].parent / "ratios-stage.tex").read_text()
 
 
-def test_names_are_joined_to_their_lines_by_the_same_dashes(folder: ResultsFolder, tmp_path: Path) -> None:
-    write_paper(folder, tmp_path)
+def test_names_are_joined_to_their_lines_by_the_same_dashes(written: list[Path]) -> None:
     for name in ("coverage-stage", "profiles"):
-        drawn = (tmp_path / f"{name}.svg").read_text()
+        drawn = (written[0].parent / f"{name}.svg").read_text()
         colours = re.findall(r'dasharray[^"]*stroke: (#\w+)', drawn)
         assert colours and all(colours.count(colour) == 2 for colour in colours), colours
 
 
-def test_the_same_results_give_the_same_bytes(folder: ResultsFolder, tmp_path: Path) -> None:
-    for here in ("one", "two"):
-        write_paper(folder, tmp_path / here)
-    for path in sorted((tmp_path / "one").iterdir()):
-        assert path.read_bytes() == (tmp_path / "two" / path.name).read_bytes(), path.name
-
-
-def test_the_command_writes_them(folder: ResultsFolder) -> None:
+def test_the_command_writes_the_same_bytes(folder: ResultsFolder, written: list[Path]) -> None:
     done = CliRunner().invoke(app, ["report", str(folder.path), "--paper"])
     assert done.exit_code == 0 and "profiles.pdf" in done.output.replace("\n", "")
-    assert (folder.path / "paper" / "ratios-stage.pdf").is_file()
+    paper = folder.path / "paper"
+    assert {path.name for path in written} == {path.name for path in paper.iterdir()}
+    for path in written:
+        assert path.read_bytes() == (paper / path.name).read_bytes(), path.name

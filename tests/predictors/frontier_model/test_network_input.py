@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -45,23 +47,26 @@ def slow_window(around: Surroundings, k: int) -> NDArray[np.float64]:
         around.resolution,
     )
     row, col, *axes = around.frames[k, :6].tolist()
-    forward, sideways = np.array(axes[:2]), np.array(axes[2:])
+    forward, sideways = axes[:2], axes[2:]
     across, along = (ALONG_COLS, ALONG_ROWS) if forward[0] == 0 else (ALONG_ROWS, ALONG_COLS)
     bits = (FREE_BIT, WALL_BIT, UNKNOWN_BIT, DOOR_BIT, across, along)
+    codes, labels = bit_map.code.tolist(), labels.tolist()
     members = {tuple(cell) for cell in (around.frontiers.cells + bit_map.margin).tolist()}
     mine = {tuple(cell) for cell in (around.frontiers.cluster(k) + bit_map.margin).tolist()}
+    home = int(around.homes[k])
     sums, cells = np.zeros((SIDE, SIDE, PLANES)), np.zeros((SIDE, SIDE, 1))
     reach = int(SIDE * CROP_CELL / resolution)
     for i in range(-reach, reach):
         for j in range(-reach, reach):
-            a = int(np.floor(i * resolution / CROP_CELL + 0.5 + 1e-9)) + BEHIND
-            s = int(np.floor(j * resolution / CROP_CELL + 0.5 + 1e-9)) + SIDE // 2
+            a = math.floor(i * resolution / CROP_CELL + 0.5 + 1e-9) + BEHIND
+            s = math.floor(j * resolution / CROP_CELL + 0.5 + 1e-9) + SIDE // 2
             if not (0 <= a < SIDE and 0 <= s < SIDE):
                 continue
-            r, c = (np.array([row, col]) + i * forward + j * sideways).astype(int).tolist()
+            r = int(row + i * forward[0] + j * sideways[0])
+            c = int(col + i * forward[1] + j * sideways[1])
             inside = 0 <= r < bit_map.code.shape[0] and 0 <= c < bit_map.code.shape[1]
-            code, label = (int(bit_map.code[r, c]), int(labels[r, c])) if inside else (UNKNOWN_BIT, 0)
-            regions = [label > 0 and label == around.homes[k], label > 0 and label != around.homes[k]]
+            code, label = (codes[r][c], labels[r][c]) if inside else (UNKNOWN_BIT, 0)
+            regions = [label > 0 and label == home, label > 0 and label != home]
             sums[a, s, :8] += [*(code & bit > 0 for bit in bits), *regions]
             sums[a, s, 8] = max(sums[a, s, 8], (r, c) in mine)
             sums[a, s, 9] = max(sums[a, s, 9], (r, c) in members)

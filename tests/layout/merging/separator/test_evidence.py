@@ -29,17 +29,19 @@ def test_pairs_of_squares_count_for_their_regions_or_their_contact(seed: int, re
         return int(labels[r, c]) if r < labels.shape[0] and c < labels.shape[1] else 0
 
     expected_nodes, expected_edges = np.zeros_like(nodes), np.zeros_like(edges)
+    regions = [[region(row, col) for col in range(odds.shape[1])] for row in range(odds.shape[0])]
+    said = odds.tolist()
     for row, col in np.ndindex(odds.shape[:2]):
-        a = region(row, col)
+        a = regions[row][col]
         if not a:
             continue
         expected_nodes[a, NODE.squares] += 1
-        expected_nodes[a, NODE.outside] += 1 / (1 + np.exp(-float(odds[row, col, OUTSIDE])))
+        expected_nodes[a, NODE.outside] += 1 / (1 + np.exp(-said[row][col][OUTSIDE]))
         for k, (up, right) in enumerate(OFFSETS):
-            there = row + up, col + right
-            if not (there[0] < odds.shape[0] and 0 <= there[1] < odds.shape[1]):
+            r, c = row + up, col + right
+            if not (r < odds.shape[0] and 0 <= c < odds.shape[1]):
                 continue
-            b, value = region(*there), np.clip(float(odds[row, col, 3 + k]), -MOST, MOST)
+            b, value = regions[r][c], min(max(said[row][col][3 + k], -MOST), MOST)
             if a == b and k >= NEAR:
                 expected_nodes[a, [NODE.alike, NODE.pairs]] += value, 1
             elif a != b and {a, b} in ({1, 2}, {1, 3}):
