@@ -27,7 +27,7 @@ from layoutexplore.envs.base import ExplorationEnv
 from layoutexplore.envs.vector_buffers import Buffers, EnvironmentGroup
 from layoutexplore.errors import WorkerError
 from layoutexplore.plugins.tracebacks import own_frames, told
-from layoutexplore.plugins.transport import OwnCode, pack_own_code, starting_workers
+from layoutexplore.plugins.transport import OwnCode, begin_quietly, pack_own_code, starting_workers
 from layoutexplore.processes import deaf_children, single_threaded, without_main
 from layoutexplore.processes.pools import begin_worker, worker_context
 
@@ -308,7 +308,7 @@ def _work(
     import cv2
 
     begin_worker(environment)
-    cv2.setNumThreads(1)
+    begin_quietly(partial(cv2.setNumThreads, 1))
     left = iter(blocks)
     with contextlib.suppress(EOFError, OSError):
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import mmap
 import multiprocessing
 import os
@@ -17,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
-from layoutexplore.plugins.transport import starting_workers
+from layoutexplore.plugins.transport import begin_quietly, starting_workers
 from layoutexplore.processes.pools import start_pool, stop_pool
 
 T = TypeVar("T")
@@ -128,7 +129,7 @@ def _run_pool(
     """Run what is handed out on one pool until all is done or a worker dies; returns what was in flight."""
     flying: dict[Future[Answer[R]], list[T]] = {}
     with starting_workers():
-        pool = start_pool(workers, begin)
+        pool = start_pool(workers, functools.partial(begin_quietly, begin))
     try:
         while handout or flying:
             while handout and len(flying) < ahead * workers:

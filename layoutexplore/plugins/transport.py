@@ -7,6 +7,7 @@ import contextlib
 import importlib
 import multiprocessing
 import pickle
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -14,7 +15,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
-from layoutexplore.errors import OwnCodeError, WorkerError, cause
+from layoutexplore.errors import MapWarning, OwnCodeError, WorkerError, cause
 from layoutexplore.plugins.own_code import Pin, pinned, pins
 from layoutexplore.plugins.registry import Entry, Registry
 from layoutexplore.processes.pools import start_pool, stop_pool
@@ -94,6 +95,12 @@ def starting_workers() -> Iterator[None]:
         ) from error
 
 
+def begin_quietly(begin: Callable[[], object]) -> None:
+    """What a worker does first; who started it has read the floor plans, and has said what they lack."""
+    warnings.filterwarnings("ignore", category=MapWarning)
+    begin()
+
+
 def worker_killed(workers: int) -> WorkerError:
     """What is told where one of so many worker processes was killed."""
     return WorkerError(
@@ -150,7 +157,7 @@ _installed = contextlib.ExitStack()
 def _install(code: OwnCode, begin: Callable[[], object]) -> None:
     _installed.enter_context(code.installed())
     atexit.register(_installed.close)  # later there are no modules any more that it could leave as they were
-    begin()
+    begin_quietly(begin)
 
 
 def _pickled(entries: list[Travelling]) -> bytes:

@@ -15,14 +15,12 @@ import os
 import signal
 import sys
 import time
-import warnings
 from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
 import numpy as np
 
-from layoutexplore.errors import MapWarning
 from layoutexplore.processes import (
     deaf_children,
     end_with_parent,
@@ -97,7 +95,6 @@ def begin_worker(environment: Mapping[str, str]) -> None:
     os.environ.clear()
     os.environ.update(environment)
     LISTENER.is_silent = True  # who started it says that kernels are compiled; a forked worker listens, too
-    warnings.filterwarnings("ignore", category=MapWarning)  # it has read the floor plans, too, and said so
     # What own code may draw from: workers that are forked from one process would all draw the same.
     np.random.seed()  # noqa: NPY002
     if "torch" in sys.modules:

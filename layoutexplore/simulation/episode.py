@@ -7,6 +7,7 @@ import time
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -132,9 +133,7 @@ def play(
         predicted = timed.ms
     if on_step:
         on_step(simulation)
-    with saying_where(
-        lambda: f"{_named(agent)}, decision {simulation.decisions} on {simulation.plan.name!r}"
-    ):
+    with saying_where(partial(_asked, agent, simulation)):
         while not simulation.done and not (until and until(simulation)):
             if asked_beside:
                 asked_beside.before(agent)
@@ -185,6 +184,11 @@ def _ask(agent: Agent, decision: Decision) -> tuple[Choice, float]:
         choice = plain_choice(agent.act(decision))
         ms = 1000 * (time.perf_counter() - asked)
     return choice, ms
+
+
+def _asked(agent: Agent, simulation: Simulation) -> str:
+    """Who was asked last, and where."""
+    return f"{_named(agent)}, decision {simulation.decisions} on {simulation.plan.name!r}"
 
 
 def _begin(simulation: Simulation, agent: Agent, seed: int, start: Pose | None) -> Decision:

@@ -72,12 +72,13 @@ with worker_pool(1) as pool:
 
 WARNS = """
 import layoutexplore.maps
+from layoutexplore.benchmark.pool import run_all
 from layoutexplore.plugins.transport import worker_pool
 load = "__import__('%s', fromlist=['x'])"
 text = f"{load % 'warnings'}.warn('doors are missing', {load % 'layoutexplore.errors'}.MapWarning)"
-with worker_pool(2) as pool:
-    for asked in [pool.submit(eval, text) for _ in range(4)]:
-        asked.result()
+with worker_pool(1) as pool:
+    pool.submit(eval, text).result()
+list(run_all(eval, [text], jobs=2, lost=print))
 """
 
 

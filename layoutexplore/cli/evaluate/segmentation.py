@@ -101,8 +101,7 @@ def segmentation(
     from layoutexplore.maps.library import find_plans
     from layoutexplore.maps.painted_rooms import find_cases
 
-    methods = list(dict.fromkeys(method or ["default"]))
-    _check_known(protocol, methods)
+    _check_known(protocol, methods := list(dict.fromkeys(method or ["default"])))
     cases = find_cases(folders, read_buildings(buildings) if buildings else None)
     training = {"--seeds": seeds > 1, "--plans": bool(plans), "--weight": bool(weight)}
     training |= {"--simulated": simulated != SIMULATED, "--source": bool(source)}
