@@ -60,25 +60,26 @@ def net_polygons(graph: SpaceGraph, outline: Polygon, config: DrawnConfig) -> di
 
 def build_rooms(
     graph: SpaceGraph,
-    net: dict[int, Polygon],
     outline: Polygon,
     config: DrawnConfig,
     closed_doors: float,
     rng: np.random.Generator,
+    net: dict[int, Polygon] | None = None,
 ) -> Built:
     """Walls, rooms and doors of a space graph, of which the share `closed_doors` is shut.
 
     Args:
         graph: It.
-        net: Its `net_polygons`.
         outline: Of the building, on the centre lines of its walls.
         config: The parameters.
         closed_doors: Share of the inner doors, 0-1.
         rng: Draws where doors stand and which are shut.
+        net: Its `net_polygons`, where they are known.
 
     Raises:
-        AttemptError: A door has no wall, or a room has no way in.
+        AttemptError: A door has no wall, a room is too narrow, or a room has no way in.
     """
+    net = net_polygons(graph, outline, config) if net is None else net
     doors = place_doors(graph, outline, config, rng)
     number = {key: k + 1 for k, key in enumerate(sorted(net))}
     rooms = [Room(id=number[key], polygon=net[key], label=graph.labels[key]) for key in sorted(net)]

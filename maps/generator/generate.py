@@ -100,11 +100,11 @@ def generate(family: str, seed: int, config: PlanConfig | None = None, **paramet
         try:
             built = build_rooms(
                 attempt.graph,
-                attempt.floors,
                 attempt.outline,
                 drawn,
                 wanted.closed_doors,
                 _stream(family, seed, 1, attempt.number),
+                attempt.floors,
             )
         except AttemptError:
             continue
