@@ -370,7 +370,8 @@ def find_plans(specs: Iterable[str | os.PathLike[str]]) -> list[str]:
     for spec in specs:
         for source in expand_plans(spec):
             path, level = split_level(source)
-            found[f"{path.resolve()}{level and f'#{level}'}" if is_there(path) else source] = None
+            here = f"{path.resolve()}#{level}" if level else str(path.resolve())
+            found[here if is_there(path) else source] = None
     return list(found)
 
 
