@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from layoutexplore.evaluation.partial_rooms import Scores
     from layoutexplore.predictors.snapshot import Snapshot
     from layoutexplore.training.predictor import ExplorationConfig, Explored
+    from layoutexplore.training.predictor_samples import PredictorSamples
 
 
 Plans = Annotated[
@@ -104,7 +105,6 @@ def train_predictor(
     from layoutexplore.files import all_or_none, check_places
     from layoutexplore.training import predictor
     from layoutexplore.training.predictor_forests import PredictorForestConfig, train_models
-    from layoutexplore.training.predictor_samples import join_samples
 
     _check_held_out(folds, leave_out, forests)
     _check_doubtful(doubtful or (), plans)
@@ -122,9 +122,7 @@ def train_predictor(
         held_out = _parts(seen, groups, folds, plans if leave_out else ())
         less_certain = predictor.buildings_of_words(seen, groups, _sources(plans), doubtful or ())
         config = PredictorForestConfig(trees=trees, cell_trees=trees // 2, doubtful=less_certain)
-        samples = join_samples(seen.samples, groups) if forests else None
-        if samples:
-            typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells")
+        samples = _samples(seen, groups) if forests else None
         lengths = first_steps, steps, frontier_steps
         trainer = (
             predictor.NetworkTrainer(seen, groups, *lengths, _steps_line, rooms=rooms) if network else None
@@ -144,6 +142,15 @@ def train_predictor(
         if held_out:
             _train_parts(train, seen, groups, held_out, out, by_part=leave_out is not None)
         train(out, lambda group: True, {})
+
+
+def _samples(seen: Explored, groups: Mapping[str, str]) -> PredictorSamples:
+    """What trees learn from, and how much there is of it."""
+    from layoutexplore.training.predictor_samples import join_samples
+
+    samples = join_samples(seen.samples, groups)
+    typer.echo(f"{len(samples.closed)} frontiers, {sum(len(c.inside) for c in samples.cells)} cells")
+    return samples
 
 
 def _explore(
