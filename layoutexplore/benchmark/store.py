@@ -49,13 +49,13 @@ from layoutexplore.benchmark.rows import COLUMNS, Row, RunKey, format_row, knows
 from layoutexplore.drawing.beliefs import SUFFIX
 from layoutexplore.errors import ResultsError, cause, checks_calls
 from layoutexplore.files import (
-    HALF,
     ArrayRule,
     atomic,
     limits,
     parse_csv,
     read_arrays,
     read_text,
+    remove_half_written,
     safe_name,
     to_toml,
     write_arrays,
@@ -338,8 +338,7 @@ def open_results(
     wanted["knows_the_plan"] = sorted(filter(knows_the_plan, config.agents))
     if force and (path / "run.toml").exists():
         _clear(path)
-    for half_written in filter(Path.is_file, path.rglob(f".*{HALF}")):
-        half_written.unlink(missing_ok=True)
+    remove_half_written(path, deep=True)
     if (path / "run.toml").exists():
         old = folder.manifest()
         changed = changed_models(old, wanted)

@@ -13,18 +13,17 @@ from layoutexplore.files.outputs import check_file, check_kept, check_places
 from layoutexplore.files.reading import fingerprint, is_there, read_bytes, read_text
 from layoutexplore.files.tables import parse_csv, read_csv, write_csv
 from layoutexplore.files.writing import (
-    HALF,
     all_or_none,
     atomic,
     is_special,
     put_in_place,
+    remove_half_written,
     to_toml,
     write_atomically,
     write_json,
 )
 
 __all__ = [
-    "HALF",
     "ArrayRule",
     "all_or_none",
     "atomic",
@@ -48,6 +47,7 @@ __all__ = [
     "read_text",
     "read_toml",
     "read_yaml",
+    "remove_half_written",
     "safe_name",
     "to_toml",
     "write_arrays",

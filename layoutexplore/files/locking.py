@@ -10,6 +10,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from layoutexplore.errors import ResultsError, checks_arguments
+from layoutexplore.files.writing import remove_half_written
 
 LOCK = ".lock"
 """File that is held while a folder is written into."""
@@ -19,6 +20,8 @@ LOCK = ".lock"
 @checks_arguments
 def held(path: str | os.PathLike[str], what: str) -> Iterator[None]:
     """Hold a folder for one process; it is made where there is none, and goes again if it stays empty.
+
+    What a process that was killed had half written in it goes as well.
 
     Args:
         path: The folder.
@@ -34,6 +37,7 @@ def held(path: str | os.PathLike[str], what: str) -> Iterator[None]:
         made = [folder for folder in (path, *path.parents) if not folder.exists()]
         path.mkdir(parents=True, exist_ok=True)
         holding.acquire()
+        remove_half_written(path)
     except Timeout as error:
         raise ResultsError(
             f"another {what} is writing into {path}: wait for it, or choose another --out"

@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import os
+import re
 import secrets
 import shutil
 import stat
@@ -20,8 +21,11 @@ import tomli_w
 from layoutexplore.errors import ConfigError, WriteError, cause, checks_arguments, shortened
 from layoutexplore.files.reading import shown_path
 
-HALF = ".part"
+_HALF = ".part"
 """How the names of files end that are being written."""
+
+_HALF_FILE = re.compile(rf"\..+\.[0-9a-z_]{{8}}{re.escape(_HALF)}", re.DOTALL)
+_HALF_FOLDER = re.compile(rf"\.files\.[0-9a-z_]{{8}}{re.escape(_HALF)}")
 
 
 @contextmanager
@@ -65,7 +69,7 @@ def all_or_none(folder: Path) -> Iterator[Path]:
         made = not folder.exists()
         folder.mkdir(parents=True, exist_ok=True)
         try:
-            with tempfile.TemporaryDirectory(prefix=".", suffix=HALF, dir=folder) as beside:
+            with tempfile.TemporaryDirectory(prefix=".files.", suffix=_HALF, dir=folder) as beside:
                 try:
                     yield Path(beside)
                 except WriteError as error:
@@ -80,17 +84,32 @@ def all_or_none(folder: Path) -> Iterator[Path]:
         raise WriteError(f"{folder}: cannot write: {error.strerror or error}") from error
 
 
+@checks_arguments
+def remove_half_written(folder: Path, *, deep: bool = False) -> None:
+    """Remove what processes that were killed left half written, where no other process is writing.
+
+    Args:
+        folder: Where to look.
+        deep: Look in its folders as well.
+    """
+    for path in (folder.rglob if deep else folder.glob)(f".*{_HALF}"):
+        if path.is_file() and _HALF_FILE.fullmatch(path.name):
+            path.unlink(missing_ok=True)
+        elif path.is_dir() and _HALF_FOLDER.fullmatch(path.name):
+            shutil.rmtree(path, ignore_errors=True)
+
+
 def _half_written(path: Path) -> Path:
     """A new empty file to be written instead of `path`: nobody may read it who may not read that one."""
     if is_special(path):
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=HALF)
+        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=_HALF)
         os.close(handle)
         return Path(name)
     place = _behind_links(path)
     place.parent.mkdir(parents=True, exist_ok=True)
     mode = place.stat().st_mode & 0o777 | 0o600 if place.exists() else 0o666
     # O_EXCL follows no link that somebody has put there.
-    beside = place.with_name(f".{place.name}.{secrets.token_hex(4)}{HALF}")
+    beside = place.with_name(f".{place.name}.{secrets.token_hex(4)}{_HALF}")
     os.close(os.open(beside, os.O_RDWR | os.O_CREAT | os.O_EXCL, mode))
     return beside
 

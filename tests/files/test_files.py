@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +29,7 @@ from layoutexplore.files import (
     write_csv,
     write_json,
 )
+from layoutexplore.files.locking import held
 from layoutexplore.files.reading import is_file
 
 
@@ -37,6 +40,31 @@ def test_a_file_is_whole_or_as_it_was(tmp_path: Path) -> None:
         temporary.write_text("half")
         raise RuntimeError
     assert path.read_bytes() == b"one\n" and [p.name for p in path.parent.iterdir()] == ["a.txt"]
+
+
+_KILLED = """
+import os, signal, sys
+from pathlib import Path
+from layoutexplore.files import all_or_none, atomic
+
+folder = Path(sys.argv[1])
+with atomic(folder / "map.png") as half, all_or_none(folder) as together:
+    half.write_bytes(b"half")
+    (together / "trees").write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process is killed by a signal there")
+def test_the_next_who_holds_a_folder_removes_what_was_left_half_written(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, "-c", _KILLED, str(tmp_path)], check=False, timeout=60)
+    others = [tmp_path / name for name in (".notes.part", ".download.part", "map.png.part")]
+    for other in others:
+        other.mkdir()
+    assert len(list(tmp_path.iterdir())) == 5
+    with held(tmp_path, "run"):
+        pass
+    assert sorted(tmp_path.iterdir()) == sorted(others)
 
 
 def test_files_that_belong_together_are_replaced_together(tmp_path: Path) -> None:
