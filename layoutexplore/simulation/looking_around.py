@@ -6,6 +6,7 @@ turning costs, ways are gone as they are chosen.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -25,6 +26,12 @@ LOOK_EVERY = (
 
 STILL_THERE = 0.5
 """Metres that the middle of a frontier may have moved and be the same one, after a few steps towards it."""
+
+JUMP = 2.0
+"""Metres that the viewpoint of a frontier moves from one look to the next only where the frontier is long."""
+
+ON_IT = 1.5
+"""Metres from where the robot is walking to within which it finds a part of the same frontier again."""
 
 HARDLY = SimulationConfig.gone_share
 """Share of what a walk is for: where less is left to see, it has seen that."""
@@ -46,10 +53,11 @@ class LookingAround:
         self._with_any_lidar = with_any_lidar
         self._goal: Frontier | CellPath | Walk | None = None
         self._known = 0
+        self._aim: Cell | None = None
 
     def forget(self) -> None:
         """A new run begins: the robot is on its way to nothing."""
-        self._goal, self._known = None, 0
+        self._goal, self._known, self._aim = None, 0, None
 
     def choose(self, decision: Decision, plan: Callable[[Decision], Choice], *, anew: bool) -> Choice:
         """The next piece of the way that was chosen, or the first one of the way of a new choice.
@@ -86,13 +94,33 @@ class LookingAround:
         elif choice == STOP:
             return choice
         else:
-            path = decision.field.path_to(Cell(*decision.viewpoints[choice].tolist()))
+            path = decision.field.path_to(self._aim_at(decision, choice))
         steps = first_steps(path, decision.grid.resolution, self.every)
         if steps is None:
-            return choice
+            jumped = isinstance(choice, int) and self._aim != decision.frontiers[choice].viewpoint
+            return path if jumped and len(path) > 1 else choice
         self._goal = choice if isinstance(choice, PATHS) else decision.frontiers[choice]
         self._known = _known(decision)
         return Walk(steps, choice.sights) if isinstance(choice, Walk) else steps
+
+    def _aim_at(self, decision: Decision, choice: int) -> Cell:
+        """Where to walk for a frontier: to its viewpoint, or on to the part of it that the robot walks to.
+
+        The viewpoint of a frontier that runs around a hall lies in its middle: on one side of the robot, and
+        with a little more seen on the other.
+        """
+        last, view = self._aim, Cell(*decision.viewpoints[choice].tolist())
+        self._aim = view
+        metre = 1 / decision.grid.resolution
+        if last is None or math.dist(last, view) <= JUMP * metre:
+            return view
+        cells = decision.frontiers[choice].cells
+        cells = cells[decision.traversable[cells[:, 0], cells[:, 1]]]
+        away = np.hypot(*(cells - np.array(last)).T)
+        if not len(cells) or away.min() > ON_IT * metre:
+            return view
+        self._aim = Cell(*cells[away.argmin()].tolist())
+        return self._aim
 
     def pays(self, decision: Decision) -> bool:
         """Whether a stop is worth it, and the look costs nothing."""

@@ -7,12 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+import shapely
 
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.watchful_tour import promised_areas
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.planning.first_steps import first_steps
+from layoutexplore.predictors import make_predictor
+from layoutexplore.simulation.config import SimulationConfig
+from layoutexplore.simulation.simulation import Simulation
 from tests.agents.cases import CORRIDOR, decide, run
 
 NEAR_RIGHT = "####################\n#...........R......#\n####################"
@@ -104,6 +109,17 @@ def test_it_finishes_and_goes_no_long_way_round(sensor: str) -> None:
     watchful, plain = (run(f"{name}-tour", sensor, 3, predictor="layout") for name in ("watchful", "layout"))
     assert watchful.stop_reason == "coverage"
     assert watchful.distance < 1.2 * plain.distance
+
+
+def test_it_crosses_a_hall_wider_than_its_lidar_reaches() -> None:
+    """The frontier runs around the robot: what it is shown of it lies on one side, and then on the other."""
+    hall = FloorPlan(name="hall", rooms=(Room(id=1, polygon=shapely.box(0.0, 0.0, 36.0, 30.0)),))
+    simulation = Simulation(hall, SimulationConfig(sensor="indoor", resolution=0.4), make_predictor("none"))
+    decision, agent = simulation.reset(seed=0), make_agent("watchful-tour:predictor=none")
+    agent.reset(0)
+    while not simulation.done:
+        decision = simulation.step(agent.act(decision))
+    assert simulation.stop_reason == "coverage" and simulation.distance < 120.0
 
 
 def test_noise_does_not_hold_it_up() -> None:

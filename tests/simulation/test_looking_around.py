@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 from layoutexplore.agents import make_agent
-from layoutexplore.frontiers.decision import STOP, Choice, Walk, path_of, remembers
+from layoutexplore.frontiers.decision import STOP, Choice, Decision, Walk, path_of, remembers
 from layoutexplore.simulation.looking_around import LookingAround
 from tests.agents.cases import CORRIDOR, decide, looking, run
 
@@ -55,6 +56,29 @@ def test_a_frontier_is_kept_to_until_it_is_gone() -> None:
     looks.begin(looking(both), 1)
     looks.forget()
     assert looks.go_on(looking(both)) is None
+
+
+def long_frontier(drawing: str, view: int, *cols: int) -> Decision:
+    """A frontier of some cells of the corridor, seen from its cell in one column."""
+    decision = looking(decide(drawing, (1, view, 2.0, 9.0)))
+    cells = np.array([[1, col] for col in cols], np.int32)
+    return dataclasses.replace(decision, frontiers=[dataclasses.replace(decision.frontiers[0], cells=cells)])
+
+
+def test_on_to_the_same_end_of_a_frontier_whose_middle_jumps() -> None:
+    """The middle of one that runs around a hall lies on one side of the robot, and then on the other."""
+    looks, right = LookingAround(2.0), [15, 16, 17]
+    begun = long_frontier(CORRIDOR, 17, 1, *right)
+    assert columns(looks.begin(begun, 0)) == [7, 8, 9]
+    jumped = long_frontier(AHEAD, 1, 1, 2, *right)
+    assert columns(looks.begin(jumped, 0)) == [9, 10, 11]
+    assert columns(looks.begin(long_frontier(AHEAD, 1, 1, 2, 18), 0)) == [9, 10, 11], "it receded a little"
+    assert columns(looks.begin(long_frontier(AHEAD, 1, 1, 2), 0)) == [9, 8, 7], "that end is gone"
+    looks.forget()
+    assert columns(looks.begin(jumped, 0)) == [9, 8, 7], "a new run begins"
+    near = long_frontier(AHEAD, 1, 1, 10, 11)
+    looks.begin(long_frontier(AHEAD, 12, 12), 0)
+    assert columns(looks.begin(near, 0)) == [9, 10, 11], "hardly more than a step to where it was going"
 
 
 @pytest.mark.parametrize("sights", [None, np.array([[0, 0], [0, 1]], np.int32)])
