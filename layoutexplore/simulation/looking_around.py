@@ -28,10 +28,10 @@ STILL_THERE = 0.5
 """Metres that the middle of a frontier may have moved and be the same one, after a few steps towards it."""
 
 JUMP = 2.0
-"""Metres that the viewpoint of a frontier moves from one look to the next only where the frontier is long."""
+"""Metres between two looks by which the viewpoint of a frontier moves only where that is long."""
 
 ON_IT = 1.5
-"""Metres from where the robot is walking to within which it finds a part of the same frontier again."""
+"""Metres around where the robot is going within which a part of the frontier is the one it goes to."""
 
 HARDLY = SimulationConfig.gone_share
 """Share of what a walk is for: where less is left to see, it has seen that."""
@@ -54,10 +54,11 @@ class LookingAround:
         self._goal: Frontier | CellPath | Walk | None = None
         self._known = 0
         self._aim: Cell | None = None
+        self._turned = False
 
     def forget(self) -> None:
         """A new run begins: the robot is on its way to nothing."""
-        self._goal, self._known, self._aim = None, 0, None
+        self._goal, self._known, self._aim, self._turned = None, 0, None, False
 
     def choose(self, decision: Decision, plan: Callable[[Decision], Choice], *, anew: bool) -> Choice:
         """The next piece of the way that was chosen, or the first one of the way of a new choice.
@@ -97,8 +98,8 @@ class LookingAround:
             path = decision.field.path_to(self._aim_at(decision, choice))
         steps = first_steps(path, decision.grid.resolution, self.every)
         if steps is None:
-            jumped = isinstance(choice, int) and self._aim != decision.frontiers[choice].viewpoint
-            return path if jumped and len(path) > 1 else choice
+            elsewhere = not isinstance(choice, PATHS) and self._aim != decision.frontiers[choice].viewpoint
+            return path if elsewhere and len(path) > 1 else choice
         self._goal = choice if isinstance(choice, PATHS) else decision.frontiers[choice]
         self._known = _known(decision)
         return Walk(steps, choice.sights) if isinstance(choice, Walk) else steps
@@ -107,19 +108,21 @@ class LookingAround:
         """Where to walk for a frontier: to its viewpoint, or on to the part of it that the robot walks to.
 
         The viewpoint of a frontier that runs around a hall lies in its middle: on one side of the robot, and
-        with a little more seen on the other.
+        with a little more seen on the other. A robot that has once turned round for it turns no more while
+        there is a part of it where it is going.
         """
         last, view = self._aim, Cell(*decision.viewpoints[choice].tolist())
-        self._aim = view
         metre = 1 / decision.grid.resolution
+        self._aim = view
         if last is None or math.dist(last, view) <= JUMP * metre:
             return view
         cells = decision.frontiers[choice].cells
         cells = cells[decision.traversable[cells[:, 0], cells[:, 1]]]
         away = np.hypot(*(cells - np.array(last)).T)
-        if not len(cells) or away.min() > ON_IT * metre:
-            return view
-        self._aim = Cell(*cells[away.argmin()].tolist())
+        goes_on = len(cells) > 0 and bool(away.min() <= ON_IT * metre)
+        if goes_on and self._turned:
+            self._aim = Cell(*cells[away.argmin()].tolist())
+        self._turned = goes_on
         return self._aim
 
     def pays(self, decision: Decision) -> bool:

@@ -19,6 +19,9 @@ AHEAD = "####################\n#........R.........#\n####################"
 SHUT = "####################\n#........R....#....#\n####################"
 """The same with a wall across it."""
 
+NEAR_END = "####################\n#..............R...#\n####################"
+"""The same with the robot near the right end."""
+
 WAY = np.array([[1, col] for col in range(7, 17)], np.int32)
 """From the robot in `CORRIDOR` to the right."""
 
@@ -68,17 +71,24 @@ def long_frontier(drawing: str, view: int, *cols: int) -> Decision:
 def test_on_to_the_same_end_of_a_frontier_whose_middle_jumps() -> None:
     """The middle of one that runs around a hall lies on one side of the robot, and then on the other."""
     looks, right = LookingAround(2.0), [15, 16, 17]
-    begun = long_frontier(CORRIDOR, 17, 1, *right)
-    assert columns(looks.begin(begun, 0)) == [7, 8, 9]
-    jumped = long_frontier(AHEAD, 1, 1, 2, *right)
-    assert columns(looks.begin(jumped, 0)) == [9, 10, 11]
+    to_the_left = long_frontier(AHEAD, 1, 1, 2, *right)
+
+    def turn_round() -> None:
+        """To the left for what is on the left now, and to the right again, which must not come to nothing."""
+        looks.forget()
+        assert columns(looks.begin(long_frontier(CORRIDOR, 1, 1, *right), 0)) == [7, 6, 5]
+        assert columns(looks.begin(long_frontier(CORRIDOR, 17, 1, *right), 0)) == [7, 8, 9], "once"
+
+    turn_round()
+    assert columns(looks.begin(to_the_left, 0)) == [9, 10, 11], "and not again"
+    assert columns(looks.begin(to_the_left, 0)) == [9, 10, 11]
+    turn_round()
     assert columns(looks.begin(long_frontier(AHEAD, 1, 1, 2, 18), 0)) == [9, 10, 11], "it receded a little"
-    assert columns(looks.begin(long_frontier(AHEAD, 1, 1, 2), 0)) == [9, 8, 7], "that end is gone"
-    looks.forget()
-    assert columns(looks.begin(jumped, 0)) == [9, 8, 7], "a new run begins"
-    near = long_frontier(AHEAD, 1, 1, 10, 11)
-    looks.begin(long_frontier(AHEAD, 12, 12), 0)
-    assert columns(looks.begin(near, 0)) == [9, 10, 11], "hardly more than a step to where it was going"
+    turn_round()
+    assert columns(looks.begin(long_frontier(AHEAD, 1, 1, 2), 0)) == [9, 8, 7], "nothing is left there"
+    turn_round()
+    end = long_frontier(NEAR_END, 1, 1, *right)
+    assert columns(looks.begin(end, 0)) == [15, 16, 17], "hardly more than a step"
 
 
 @pytest.mark.parametrize("sights", [None, np.array([[0, 0], [0, 1]], np.int32)])
