@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.files import write_atomically
-from layoutexplore.files.tensors import read_tensors
+from layoutexplore.files.tensors import check_shapes, read_tensors
 
 Layers = Mapping[str, tuple[int, int, int, int]]
 """Channels in and out, side of the kernel and stride of each layer."""
@@ -73,11 +73,7 @@ def load_weights(
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read as a {what}: {error}") from error
     weights = _read(path, what, changed)
-    for name, shape in shapes.items():
-        values = weights.get(name)
-        if values is None or values.shape != shape:
-            found = "is missing" if values is None else f"has shape {values.shape}"
-            raise ConfigError(f"{path}: {name} {found}, expected {shape}: train it again with this version")
+    check_shapes(weights, shapes, path, ConfigError)
     return weights
 
 
