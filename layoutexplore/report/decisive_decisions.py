@@ -149,8 +149,7 @@ def _map(decision: DecisiveDecision, occupied: Mask) -> Bytes:
 
     Row 0 has the lowest y.
     """
-    image = np.empty((*occupied.shape, 3), np.uint8)
-    image[:] = palette.CANVAS
+    image = np.full((*occupied.shape, 3), palette.CANVAS, np.uint8)
     image[~occupied] = palette.UNSEEN
     row, col = decision.corner
     part = image[row : row + decision.cells.shape[0], col : col + decision.cells.shape[1]]
