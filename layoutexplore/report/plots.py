@@ -21,7 +21,7 @@ from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.layout.frame import to_local
-from layoutexplore.report.templates import png_uri
+from layoutexplore.report.templates import NBSP, png_uri
 
 RATIO_LIMITS = (0.4, 2.0)
 """The forest plot never shows more than this; ratios outside are marked at its edge."""
@@ -294,7 +294,7 @@ def _picture(folder: ResultsFolder, caption: str, row: Row, level: str) -> Pictu
     seen = ""
     if level:
         reached = getattr(row, level.replace("d", "reached"))
-        share = f"{level[1:]}\N{NO-BREAK SPACE}%"
+        share = f"{level[1:]}{NBSP}%"
         seen = f"{getattr(row, level):.0f} m to {share}" if reached else f"{share} not reached"
     return Picture(caption, seen, row, floor_picture(occupied), cols, rows, way, scale)
 

@@ -29,7 +29,7 @@ from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
 from layoutexplore.report.studies.in_the_loop import WIDTH
-from layoutexplore.report.templates import png_uri, render
+from layoutexplore.report.templates import NBSP, png_uri, render
 
 PICTURES = 6
 """Rooms drawn of the best, and of the worst."""
@@ -233,7 +233,7 @@ def spell(stratum: str) -> str:
         >>> spell("25%-50%"), spell("20%"), spell("all")
         ('25–50\xa0%', '20\xa0%', 'all')
     """
-    return stratum.replace("%-", "–").replace("%", "\N{NO-BREAK SPACE}%")
+    return stratum.replace("%-", "–").replace("%", f"{NBSP}%")
 
 
 def _leader(rooms: Mapping[str, Mapping[str, RoomLine]], stratum: str, measure: str) -> str:
