@@ -94,7 +94,7 @@ class SeparatorNetwork:
         odds[..., :FIRST_PAIR] += turned[..., :FIRST_PAIR]
         for k, (up, right) in enumerate(OFFSETS, FIRST_PAIR):
             # of a pair that is turned, the other square comes first
-            here, there = _ends(up, right, odds.shape[0], odds.shape[1])
+            here, there = pair_ends(up, right, odds.shape[0], odds.shape[1])
             odds[(*here, k)] += turned[(*there, k)]
         odds *= 0.5
         return odds
@@ -120,7 +120,7 @@ class SeparatorNetwork:
         return run_layer(name, values, LAYERS, self.weights)
 
 
-def _ends(up: int, right: int, rows: int, cols: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+def pair_ends(up: int, right: int, rows: int, cols: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
     """The squares of which the one so many rows and columns on is there, too; and those ones."""
     here = slice(0, max(rows - up, 0)), slice(max(-right, 0), max(cols - max(right, 0), 0))
     there = slice(up, rows), slice(max(right, 0), max(cols - max(-right, 0), 0))
