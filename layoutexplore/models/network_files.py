@@ -54,7 +54,7 @@ def save_weights(path: Path, weights: Mapping[str, NDArray[np.generic]], note: s
 @checks_arguments
 def load_weights(
     path: Path, shapes: Mapping[str, tuple[int, ...]], what: str = "network of the predictor layout"
-) -> Weights:
+) -> Mapping[str, NDArray[np.float32]]:
     """Read weights; a file that has been read is kept until it changes.
 
     Args:
@@ -78,7 +78,7 @@ def load_weights(
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, what: str, _changed: int) -> Weights:
+def _read(path: Path, what: str, _changed: int) -> Mapping[str, NDArray[np.float32]]:
     weights, _ = read_tensors(path, error=ConfigError, what=what)
     return MappingProxyType(
         {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}

@@ -130,5 +130,4 @@ def pair_ends(up: int, right: int, rows: int, cols: int) -> tuple[tuple[slice, s
 @lru_cache(maxsize=1)
 def load_separator(path: Path = NETWORK_PATH) -> SeparatorNetwork:
     """The shipped network."""
-    weights = load_weights(path, shapes_of(LAYERS), "separator network")
-    return SeparatorNetwork({name: np.asarray(values, np.float32) for name, values in weights.items()})
+    return SeparatorNetwork(load_weights(path, shapes_of(LAYERS), "separator network"))
