@@ -18,6 +18,7 @@ from layoutexplore.errors import MapError, checks_arguments, checks_making
 from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32, Mask, shows_shapes
 from layoutexplore.grids.boxes import Box, box_size, grown_box
 from layoutexplore.grids.components import join, number_sets
+from layoutexplore.grids.grid import FREE, UNKNOWN
 
 
 @shows_shapes
@@ -129,8 +130,8 @@ def check_grid(cells: Cells) -> Cells:
 def _mark_row(here: Cells, left: Cells, right: Cells, above: Cells, below: Cells, mark: Bytes) -> None:
     """Mark free cells beside an unknown one; without branches, so that it compiles to SIMD."""
     for c in range(here.size):
-        unknown = (left[c] == -1) | (right[c] == -1) | (above[c] == -1) | (below[c] == -1)
-        mark[c] = (here[c] == 0) & unknown
+        unknown = (left[c] == UNKNOWN) | (right[c] == UNKNOWN) | (above[c] == UNKNOWN) | (below[c] == UNKNOWN)
+        mark[c] = (here[c] == FREE) & unknown
 
 
 @njit(cache=True, nogil=True)
@@ -153,8 +154,8 @@ def _scan(cells: Cells, row0: int, row1: int, col0: int, col1: int) -> Ints:
             _mark_row(here, left, right, above[inner0:inner1], below[inner0:inner1], mark[inner0:inner1])
         for c in (0, cols - 1):
             if col0 <= c < col1:
-                beside = cells[r, max(c - 1, 0)] == -1 or cells[r, min(c + 1, cols - 1)] == -1
-                mark[c] = cells[r, c] == 0 and (beside or above[c] == -1 or below[c] == -1)
+                beside = cells[r, max(c - 1, 0)] == UNKNOWN or cells[r, min(c + 1, cols - 1)] == UNKNOWN
+                mark[c] = cells[r, c] == FREE and (beside or above[c] == UNKNOWN or below[c] == UNKNOWN)
         for w in range(col0 // 8, (col1 + 7) // 8):
             if words[w] == 0:
                 continue
