@@ -48,7 +48,7 @@ def load_houseexpo(path: str | os.PathLike[str]) -> FloorPlan:
     path = Path(path)
     if not path.name:
         raise MapError(f"{path}: is a folder: name one of the floor plans inside it")
-    main, *sides = files_of(path)
+    main, *sides = with_sidecars(path)
     source = main if is_file(main) else path
     data = read_json(source, _PLAN)
     beside = next((side for side in sides if is_file(side)), None)
@@ -73,7 +73,7 @@ def load_houseexpo(path: str | os.PathLike[str]) -> FloorPlan:
     )
 
 
-def files_of(path: Path) -> list[Path]:
+def with_sidecars(path: Path) -> list[Path]:
     """The file of a plan, and those that may lie beside it, given any of them."""
     stem = path.stem
     for part in SIDECARS:

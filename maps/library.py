@@ -31,7 +31,7 @@ from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.building_files import building_format, floors_of, split_level
 from layoutexplore.maps.formats.foreign_geojson import has_areas, load_foreign_geojson
 from layoutexplore.maps.geojson import is_own_format, load_geojson
-from layoutexplore.maps.houseexpo import SIDECARS, files_of, load_houseexpo
+from layoutexplore.maps.houseexpo import SIDECARS, load_houseexpo, with_sidecars
 from layoutexplore.maps.image import LABELS_ENDING, load_image, rooms_beside, said_scale
 from layoutexplore.maps.kth import images_of_floor, load_kth
 from layoutexplore.maps.school_xml import load_school_xml
@@ -167,7 +167,7 @@ def source_files(source: str | os.PathLike[str]) -> tuple[Path, ...]:
         if suffix in IMAGE_SUFFIXES and _is_kth(path):
             found += images_of_floor(path)
     if suffix == ".json":
-        found += files_of(path)
+        found += with_sidecars(path)
     return tuple(dict.fromkeys(found))
 
 
