@@ -163,7 +163,7 @@ def _widens_along(blocked: Mask, rise: Ints32, line: int, c: int, step: int, wan
     return False
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _is_gap(
     blocked: Mask, rise: Ints32, line: int, begin: int, width: int, sizes: GapSizes, gap: Ints32
 ) -> bool:
