@@ -230,8 +230,9 @@ def with_prior(agent: str, prior: str | None, scale: float | None) -> str:
 
 def note_unused(simulation: Simulation) -> None:
     """Say so where a plan known beforehand tells nothing."""
-    predictor = getattr(simulation.predictor, "inner", None)
-    if reason := getattr(predictor, "unused", ""):
+    from layoutexplore.simulation.episode import untimed
+
+    if reason := getattr(untimed(simulation.predictor), "unused", ""):
         typer.echo(f"the prior plan is not used, because {reason}", err=True)
 
 

@@ -122,7 +122,9 @@ def _count_rooms(cells: Cells, room_ids: Labels, passable: Mask) -> tuple[Ints, 
 @njit(cache=True, nogil=True)
 def _unknown_at(cells: Cells, passable: Mask, r: int, c: int) -> bool:
     """Whether a cell lies inside of the grid, is unknown and can be passed."""
-    return bool(0 <= r < cells.shape[0] and 0 <= c < cells.shape[1] and cells[r, c] == -1 and passable[r, c])
+    return bool(
+        0 <= r < cells.shape[0] and 0 <= c < cells.shape[1] and cells[r, c] == UNKNOWN and passable[r, c]
+    )
 
 
 @njit(cache=True, nogil=True)

@@ -83,6 +83,16 @@ def small_labels(labels: NDArray[np.integer[Any]], highest: int) -> Labels:
     return np.ascontiguousarray(labels, label_type(highest))
 
 
+def dense_ids(ids: NDArray[np.integer[Any]]) -> Ints:
+    """Ids from 0 on as 0, 1, 2, ... in their order; 0 stays.
+
+    Example:
+        >>> dense_ids(np.array([0, 2**40, 7, 7])).tolist()
+        [0, 2, 1, 1]
+    """
+    return np.searchsorted(np.unique(ids[ids > 0]), ids, side="right")
+
+
 def stored_places(places: Floats) -> NDArray[np.floating[Any]]:
     """Places in metres as float32, or as they are where that would lose a millimetre, in a country's grid.
 

@@ -101,10 +101,14 @@ class FeatureCache(ByThread):
     def __init__(self) -> None:
         self._draw = FollowedBitMap()
         self._known: dict[bytes, int] = {}
-        self._features = np.zeros((0, len(LOCAL_FEATURES)), np.float32)
-        self._frames = np.zeros((0, len(FRAME)))
-        self._touched = np.zeros((0, len(BARRIERS), TOUCHED), np.int32)
+        self._forget()
+
+    def _forget(self) -> None:
+        """Keep a row of zeros: what no frontier was found in before."""
         self._scratch = FloodScratch(np.zeros(0, np.uint8), np.zeros(0, np.int32))
+        self._features = np.zeros((1, len(LOCAL_FEATURES)), np.float32)
+        self._frames = np.zeros((1, len(FRAME)))
+        self._touched = np.zeros((1, len(BARRIERS), TOUCHED), np.int32)
 
     def compute(
         self, cells: Cells, frontiers: FrontierClusters, regions: Regions, resolution: float
@@ -154,10 +158,7 @@ class FeatureCache(ByThread):
         These reach so many blocks. The changed blocks are None where the grid is another one.
         """
         if changed is None:
-            self._scratch = FloodScratch(np.zeros(0, np.uint8), np.zeros(0, np.int32))
-            self._features = np.zeros((1, len(LOCAL_FEATURES)), np.float32)
-            self._frames = np.zeros((1, len(FRAME)))
-            self._touched = np.zeros((1, len(BARRIERS), TOUCHED), np.int32)
+            self._forget()
             return np.full(len(keys), -1, np.int64)
         old = np.array([self._known.get(key, -1) for key in keys], np.int64)
         _forget_changed(np.asarray(cv2.integral(changed), np.int32), clusters, reach, old)

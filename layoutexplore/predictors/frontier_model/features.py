@@ -14,6 +14,7 @@ from numba import njit
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Labels
+from layoutexplore.grids.grid import FREE
 from layoutexplore.layout.doorways import Gaps, Regions
 from layoutexplore.predictors.bit_map import BitMap
 from layoutexplore.predictors.frontier_model.feature_cache import (
@@ -141,7 +142,7 @@ def _count_free(cells: Cells) -> int:
         # A row's count by itself, without a branch, so that it compiles to SIMD.
         row, free = cells[r], 0
         for c in range(row.size):
-            free += row[np.uint64(c)] == 0
+            free += row[np.uint64(c)] == FREE
         count += free
     return count
 
