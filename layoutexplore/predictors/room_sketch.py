@@ -90,10 +90,11 @@ def _spend(
     buckets = np.full((2 + wall_cost + box_cost, 2), -1, np.int64)
     queue = np.empty((len(starts) + 4 * min(left.sum(), rows * cols), 3), np.int64)
     waiting = np.zeros((rows * cols, 2), np.int32)
-    pushed = 0
+    pushed = cost = np.int64(0)
     for k in range(len(starts)):
-        pushed = _push(queue, buckets, waiting, pushed, (0, starts[k, 0] * cols + starts[k, 1], starts[k, 2]))
-    popped, cost = 0, 0
+        entry = cost, starts[k, 0] * cols + starts[k, 1], starts[k, 2]
+        pushed = _push(queue, buckets, waiting, pushed, entry)
+    popped = 0
     while popped < pushed:
         at = buckets[cost % len(buckets), 0]
         if at < 0:

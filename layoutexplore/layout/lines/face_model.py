@@ -293,7 +293,7 @@ def _count_cells(painted: Ints32, region: Bytes, cells: Cells, count: int) -> tu
     total, inside = np.zeros(count, np.int64), np.zeros(count, np.int64)
     known, free = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for row in range(painted.shape[0]):
-        first = 0
+        first = np.int64(0)
         # counted once a run of equal cells, not once a cell
         while first < painted.shape[1]:
             face = painted[row, first]

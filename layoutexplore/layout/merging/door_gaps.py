@@ -173,7 +173,7 @@ def _gaps_along_rows(blocked: Mask, sizes: GapSizes) -> Ints32:
     count = 0
     for r in range(rows):
         line = blocked[r]
-        before = run_end(line, 0, False)
+        before = run_end(line, np.int64(0), False)
         while before < cols:
             c, behind = before + 1, run_end(line, before + 1, False)
             n = behind - c

@@ -78,7 +78,7 @@ def node_table(
     nodes[:, NODE.col0] = cols
     k = 0
     for r in range(rows):
-        begin = 0
+        begin = np.int64(0)
         while begin < cols:
             a = labels[r, begin]
             # a run of one label begins at the row's first cell or after a change to another label

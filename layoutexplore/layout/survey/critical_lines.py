@@ -75,9 +75,9 @@ def _basis_points(points: Ints32, walls: Ints32, distance: Bytes) -> Ints:
     out = np.full((len(points), 2), -1, np.int64)
     for i in range(len(points)):
         r, c = points[i]
-        out[i, 0] = _nearest(walls, first, order, size, r, c, -1, 0)
+        out[i, 0] = _nearest(walls, first, order, size, r, c, np.int64(-1), np.int64(0))
         if out[i, 0] >= 0:
-            out[i, 1] = _nearest(walls, first, order, size, r, c, out[i, 0], int(distance[r, c]))
+            out[i, 1] = _nearest(walls, first, order, size, r, c, out[i, 0], np.int64(distance[r, c]))
     return out
 
 

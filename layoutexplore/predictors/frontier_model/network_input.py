@@ -187,7 +187,7 @@ def _draw_crop(
         step_ahead = (ahead[a + 1] - ahead[a]) // (_MOST_CELLS + 1) + 1
         for s in range(SIDE):
             step_aside = (aside[s + 1] - aside[s]) // (_MOST_CELLS + 1) + 1
-            counts, total, mine, others = 0, 0, 0, 0
+            counts = total = mine = others = np.int64(0)
             for i in range(ahead[a], max(ahead[a + 1], ahead[a] + 1), step_ahead):
                 for j in range(aside[s], max(aside[s + 1], aside[s] + 1), step_aside):
                     # Six counters of `_WIDTH` bits in one number: no carry, for a cell has fewer grid cells.
