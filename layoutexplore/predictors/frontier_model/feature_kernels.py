@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Ints, Ints32
+from layoutexplore.grids.arrays import ZERO, Bytes, Floats, Floats32, Ints, Ints32
 from layoutexplore.grids.boxes import box_around
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
 
@@ -310,16 +310,16 @@ def walls_in_line(code: Bytes, frame: Floats, unit: int, out: Floats32) -> None:
     side = int(frame[FRAME.side_row] + frame[FRAME.side_col])
     upright = frame[FRAME.forward_row] != 0
     across = ALONG_ROWS if upright else ALONG_COLS
-    aside, length, one = ASIDE * unit, AHEAD * unit, np.int64(1)
+    aside, length, one = ASIDE * unit, AHEAD * unit, ZERO + 1
     walls, extended = _bits_on_lines(
-        code, upright, row, col, (np.int64(0), forward, length), (-aside, one, 2 * aside + 1), across
+        code, upright, row, col, (ZERO, forward, length), (-aside, one, 2 * aside + 1), across
     )
     for k in range(AHEAD):
         out[k] = walls[k * unit : (k + 1) * unit].max()
         out[AHEAD + k] = extended[k * unit : (k + 1) * unit].max()
     beside, back, width = BESIDE * unit, BACK * unit, (BACK + FORTH) * unit
     lines, cells = (-beside * side, side, 2 * beside), (-back * forward, forward, width)
-    walls, _ = _bits_on_lines(code, not upright, row, col, lines, cells, np.int64(0))
+    walls, _ = _bits_on_lines(code, not upright, row, col, lines, cells, ZERO)
     for k in range(2 * BESIDE):
         out[2 * AHEAD + k] = walls[k * unit : (k + 1) * unit].max()
 

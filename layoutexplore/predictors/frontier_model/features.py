@@ -235,7 +235,7 @@ def _median(values: NDArray[Any]) -> float:
     # Of floats, so that numba's sort, which takes seconds to compile, is compiled for one type.
     ordered = np.sort(values.astype(np.float64))
     half = len(ordered) // 2
-    return ordered[half] if len(ordered) % 2 else (ordered[half - 1] + ordered[half]) / 2
+    return float(ordered[half] if len(ordered) % 2 else (ordered[half - 1] + ordered[half]) / 2)
 
 
 def home_regions(regions: Regions, frontiers: FrontierClusters) -> Ints:
