@@ -170,8 +170,8 @@ def _scan(cells: Cells, row0: int, row1: int, col0: int, col1: int) -> Ints:
 def _merge(old: Ints, fresh: Ints, cols: int, row0: int, row1: int, col0: int, col1: int) -> Ints:
     """The old sorted indices outside of the box and the fresh ones inside, sorted."""
     merged = np.empty(old.size + fresh.size, np.int64)
-    first, behind = int(np.searchsorted(old, row0 * cols)), int(np.searchsorted(old, row1 * cols))
-    merged[:first] = old[:first]
+    first, behind = _first_from(old, row0 * cols), _first_from(old, row1 * cols)
+    _copy(old[:first], merged)
     count, j = first, 0
     for i in range(first, behind):
         index = old[i]
@@ -184,12 +184,31 @@ def _merge(old: Ints, fresh: Ints, cols: int, row0: int, row1: int, col0: int, c
             j += 1
         merged[count] = index
         count += 1
-    rest = fresh.size - j
-    merged[count : count + rest] = fresh[j:]
-    count += rest
-    rest = old.size - behind
-    merged[count : count + rest] = old[behind:]
-    return merged[: count + rest].copy()
+    _copy(fresh[j:], merged[count:])
+    count += fresh.size - j
+    _copy(old[behind:], merged[count:])
+    return merged[: count + old.size - behind].copy()
+
+
+@njit(cache=True, nogil=True)
+def _copy(source: Ints, target: Ints) -> None:
+    """Write numbers to where others begin."""
+    # Not by slices: the text of what numba says of those that do not fit takes seconds to compile.
+    for i in range(source.size):
+        target[i] = source[i]
+
+
+@njit(cache=True, nogil=True)
+def _first_from(ordered: Ints, least: int) -> int:
+    """Where in ascending numbers the first one stands that is not smaller than `least`."""
+    low, high = 0, ordered.size
+    while low < high:
+        middle = (low + high) // 2
+        if ordered[middle] < least:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 @njit(cache=True, nogil=True)

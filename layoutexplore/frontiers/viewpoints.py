@@ -20,7 +20,7 @@ from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.table import FrontierList, FrontierTable
 from layoutexplore.frontiers.visible_area import VisibleUnknownArea
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, Words
-from layoutexplore.grids.boxes import Box
+from layoutexplore.grids.boxes import Box, box_around
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.grids.morphology import borders_unknown, disc_offsets
 from layoutexplore.grids.rays import is_free_line
@@ -227,7 +227,10 @@ def _choose(
         if found[k]:
             continue
         digest = _digest(cells, distances, farthest, cluster, offsets[-1, 0])
-        if not (failed == digest).any():
+        tried = False
+        for n in range(len(failed)):
+            tried |= failed[n] == digest
+        if not tried:
             order = np.argsort(
                 (cluster[:, 0] - middle_row) ** 2 + (cluster[:, 1] - middle_col) ** 2, kind="mergesort"
             )
@@ -286,8 +289,9 @@ def _digest(cells: Cells, distances: Units, farthest: int, cluster: Ints32, reac
     code = np.uint64(len(cluster))
     for n in range(len(cluster)):
         code = (code ^ np.uint64(cluster[n, 0] * cells.shape[1] + cluster[n, 1])) * _MIX
-    row0, row1 = max(cluster[:, 0].min() - reach, 0), min(cluster[:, 0].max() + reach + 1, cells.shape[0])
-    col0, col1 = max(cluster[:, 1].min() - reach, 0), min(cluster[:, 1].max() + reach + 1, cells.shape[1])
+    top, bottom, left, right = box_around(cluster)
+    row0, row1 = max(top - reach, 0), min(bottom + reach, cells.shape[0])
+    col0, col1 = max(left - reach, 0), min(right + reach, cells.shape[1])
     for r in range(row0, row1):
         for c in range(col0, col1):
             kind = 2 * np.int64(cells[r, c] == FREE) + np.int64(distances[r + 1, c + 1] <= farthest)

@@ -20,6 +20,9 @@ Cells = NDArray[np.int8]
 Mask = NDArray[np.bool_]
 """Which cells, or which entries."""
 
+ZERO: Any = np.int64(0)
+"""0 in kernels that hand it on: a plain 0 is a type of its own, for which others would be compiled, too."""
+
 Ints = NDArray[np.int64]
 """Indices and counts."""
 

@@ -271,7 +271,8 @@ def walk_down(
     while True:
         if count == found.shape[0]:
             larger = np.empty((2 * count, 2), np.int32)
-            larger[:count] = found
+            for k in range(count):
+                larger[k, 0], larger[k, 1] = found[k, 0], found[k, 1]
             found = larger
         found[count, 0], found[count, 1] = row, col
         count += 1

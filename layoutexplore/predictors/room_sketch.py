@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32
+from layoutexplore.grids.arrays import ZERO, Bytes, Cells, Floats, Ints, Ints32
 from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT
 from layoutexplore.predictors.frontier_model.features import Surroundings
@@ -91,10 +91,11 @@ def _spend(
     buckets = np.full((2 + wall_cost + box_cost, 2), -1, np.int64)
     queue = np.empty((len(starts) + 4 * min(left.sum(), rows * cols), 3), np.int64)
     waiting = np.zeros((rows * cols, 2), np.int32)
-    pushed = 0
+    pushed = cost = ZERO
     for k in range(len(starts)):
-        pushed = _push(queue, buckets, waiting, pushed, (0, starts[k, 0] * cols + starts[k, 1], starts[k, 2]))
-    popped, cost = 0, 0
+        entry = cost, starts[k, 0] * cols + starts[k, 1], starts[k, 2]
+        pushed = _push(queue, buckets, waiting, pushed, entry)
+    popped = 0
     while popped < pushed:
         at = buckets[cost % len(buckets), 0]
         if at < 0:

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.arrays import Floats, Ints32, Mask
+from layoutexplore.grids.arrays import ZERO, Floats, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.runs import run_end
 from layoutexplore.layout.limits import cells_at_most
@@ -192,7 +192,7 @@ def _gaps_along_rows(blocked: Mask, sizes: GapSizes) -> Ints32:
     count = 0
     for r in range(rows):
         line = blocked[r]
-        before = run_end(line, 0, False)
+        before = run_end(line, ZERO, False)
         while before < cols:
             c, behind = before + 1, run_end(line, before + 1, False)
             n = behind - c
