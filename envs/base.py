@@ -35,10 +35,11 @@ from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN, distance_
 from layoutexplore.options import SEED, check_keys, check_kind
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
+from layoutexplore.simulation.stop_reasons import StopReason
 
 Action = TypeVar("Action")
 
-STOP_REASONS = ("", "coverage", "no_frontier", "budget", "agent", "invalid_actions", "steps")
+STOP_REASONS = (*(reason.value for reason in StopReason), "invalid_actions", "steps")
 """Why an episode ended; `info["stop_reason"]` is the index. From "budget" on all but "agent" truncate."""
 
 _INFO: dict[str, type[np.generic]] = {

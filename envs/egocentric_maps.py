@@ -16,7 +16,7 @@ from layoutexplore.errors import checks_making
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
 from layoutexplore.grids.boxes import known_box
-from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.grids.morphology import borders_unknown
 
 CHANNELS = ("free", "occupied", "frontier", "trail")
@@ -280,7 +280,7 @@ def _mark_rooms(cells: Cells, labels: Ints32, closed: Mask, marks: Bytes) -> Non
     rows, cols = cells.shape
     for r in range(rows):
         for c in range(cols):
-            if cells[r, c] != -1:
+            if cells[r, c] != UNKNOWN:
                 continue
             label, bits = labels[r, c], 0
             if label > 0:

@@ -150,6 +150,9 @@ KEPT_SEED = Rule(kind=int, low=0, high=9e18)
 
 JOBS = Rule(kind=int, low=1, high=1024)
 
+POSE = Rule(count=3, low=-1e9, high=1e9)
+"""(x, y, theta), in metres and radians."""
+
 
 def rule_like(default: Any) -> Rule:
     """The rule of which a default is an example: as many numbers as it has, names, None or a number."""

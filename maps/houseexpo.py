@@ -48,13 +48,9 @@ def load_houseexpo(path: str | os.PathLike[str]) -> FloorPlan:
     path = Path(path)
     if not path.name:
         raise MapError(f"{path}: is a folder: name one of the floor plans inside it")
-    stem = path.stem
-    for part in SIDECARS:
-        stem = stem.removesuffix(f".{part}")
-    main = path.with_name(f"{stem}.json")
+    main, *sides = with_sidecars(path)
     source = main if is_file(main) else path
     data = read_json(source, _PLAN)
-    sides = (main.with_name(f"{stem}.{part}.json") for part in SIDECARS)
     beside = next((side for side in sides if is_file(side)), None)
     extra = read_json(beside, _BESIDE) if beside else {}
     areas, doors = extra.get("areas", []), extra.get("door", [])
@@ -65,7 +61,7 @@ def load_houseexpo(path: str | os.PathLike[str]) -> FloorPlan:
     rooms = _rooms(areas, contour, boxes, main)
     openings = _doors(doors, rooms)
     return FloorPlan(
-        name=stem,
+        name=main.stem,
         rooms=rooms,
         doors=openings,
         walls=contour.buffer(OUTER_WALL, join_style="mitre").difference(contour),
@@ -75,6 +71,14 @@ def load_houseexpo(path: str | os.PathLike[str]) -> FloorPlan:
             "labels": json.dumps({name: [list(b.bounds) for b in of] for name, of in boxes.items()}),
         },
     )
+
+
+def with_sidecars(path: Path) -> list[Path]:
+    """The file of a plan, and those that may lie beside it, given any of them."""
+    stem = path.stem
+    for part in SIDECARS:
+        stem = stem.removesuffix(f".{part}")
+    return [path.with_name(f"{name}.json") for name in (stem, *(f"{stem}.{part}" for part in SIDECARS))]
 
 
 def _check_sizes(

@@ -17,7 +17,7 @@ import numpy as np
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.files.limits import limits
 from layoutexplore.files.reading import is_file
-from layoutexplore.grids.arrays import Ints32
+from layoutexplore.grids.arrays import Ints32, dense_ids
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.grids.outside import without_outside
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, IMAGE_SUFFIXES, load_grid
@@ -121,6 +121,5 @@ def _rooms_of(path: Path, grid: OccupancyGrid) -> Ints32:
     # Blends of two colours are no rooms.
     ids = np.where(areas[ids] >= LEAST_ROOM, ids, 0).astype(np.int32)
     if ids.max() > limits().room_ids:  # few rooms among thousands of blends
-        _, numbers = np.unique(np.append(ids.ravel(), 0), return_inverse=True)
-        ids = numbers[:-1].reshape(ids.shape).astype(np.int32)
+        ids = dense_ids(ids).astype(np.int32)
     return ids

@@ -18,7 +18,7 @@ import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments
 from layoutexplore.files.images import read_levels
-from layoutexplore.grids.arrays import Ints32, Mask
+from layoutexplore.grids.arrays import Ints32, Mask, dense_ids
 from layoutexplore.grids.ros_map import read_image
 from layoutexplore.maps.buildings import building_of
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster
@@ -41,8 +41,8 @@ def load_kth(path: str | os.PathLike[str]) -> FloorPlan:
     path = Path(path)
     if not path.name:
         raise MapError(f"{path}: is a folder: name one of the images inside it")
-    stem = re.sub(r"_(occ|rooms)$", "", path.stem)
-    occ_path, rooms_path = (path.with_name(f"{stem}_{part}{path.suffix}") for part in ("occ", "rooms"))
+    occ_path, rooms_path = images_of_floor(path)
+    stem = occ_path.stem.removesuffix("_occ")
     grey, _ = read_image(occ_path)
     rooms = read_room_ids(rooms_path)
     if grey.shape != rooms.shape:
@@ -61,6 +61,12 @@ def load_kth(path: str | os.PathLike[str]) -> FloorPlan:
     )
 
 
+def images_of_floor(path: Path) -> tuple[Path, Path]:
+    """The image of a floor's cells and that of its rooms, given either."""
+    stem = re.sub(r"_(occ|rooms)$", "", path.stem)
+    return path.with_name(f"{stem}_occ{path.suffix}"), path.with_name(f"{stem}_rooms{path.suffix}")
+
+
 @checks_arguments
 def read_room_ids(path: str | os.PathLike[str]) -> Ints32:
     """Room numbers int32 (h, w) of an image with a level of 8 or 16 bits or a colour a room; 0 is none."""
@@ -69,8 +75,7 @@ def read_room_ids(path: str | os.PathLike[str]) -> Ints32:
     if pixels.ndim == 2:
         return pixels.astype(np.int32)
     colours = pixels[..., :3].astype(np.int32) @ np.array([1, 256, 65536])
-    _, numbers = np.unique(np.append(colours.ravel(), 0), return_inverse=True)  # black is always there, as 0
-    return numbers[:-1].reshape(colours.shape).astype(np.int32)
+    return dense_ids(colours).astype(np.int32)
 
 
 def _indoor(free: Mask, rooms: Ints32) -> Mask:

@@ -31,9 +31,9 @@ from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.formats.building_files import building_format, floors_of, split_level
 from layoutexplore.maps.formats.foreign_geojson import has_areas, load_foreign_geojson
 from layoutexplore.maps.geojson import is_own_format, load_geojson
-from layoutexplore.maps.houseexpo import SIDECARS, load_houseexpo
+from layoutexplore.maps.houseexpo import SIDECARS, load_houseexpo, with_sidecars
 from layoutexplore.maps.image import LABELS_ENDING, load_image, rooms_beside, said_scale
-from layoutexplore.maps.kth import load_kth
+from layoutexplore.maps.kth import images_of_floor, load_kth
 from layoutexplore.maps.school_xml import load_school_xml
 from layoutexplore.options import check_kind
 
@@ -165,13 +165,9 @@ def source_files(source: str | os.PathLike[str]) -> tuple[Path, ...]:
     if suffix in (*YAML_SUFFIXES, *IMAGE_SUFFIXES):
         found += [beside for beside in [rooms_beside(path)] if beside]
         if suffix in IMAGE_SUFFIXES and _is_kth(path):
-            stem = path.stem.rpartition("_")[0]
-            found += [path.with_name(f"{stem}_{part}{path.suffix}") for part in ("occ", "rooms")]
+            found += images_of_floor(path)
     if suffix == ".json":
-        stem = path.stem
-        for part in SIDECARS:
-            stem = stem.removesuffix(f".{part}")
-        found += [path.with_name(f"{name}.json") for name in (stem, *(f"{stem}.{part}" for part in SIDECARS))]
+        found += with_sidecars(path)
     return tuple(dict.fromkeys(found))
 
 
@@ -203,10 +199,7 @@ def _json_loader(
 
 
 def _is_kth(path: Path) -> bool:
-    stem, _, part = path.stem.rpartition("_")
-    return part in ("occ", "rooms") and all(
-        is_file(path.with_name(f"{stem}_{each}{path.suffix}")) for each in ("occ", "rooms")
-    )
+    return path.stem.endswith(("_occ", "_rooms")) and all(map(is_file, images_of_floor(path)))
 
 
 def _several(text: str) -> MapError:

@@ -324,7 +324,7 @@ def place_door(
         found.append((float(scores[best]), middles[best], along))
     _, middle, along = min(found, key=lambda candidate: round(candidate[0], 6))
     start, end = (middle + sign * 0.5 * width * along for sign in (-1.0, 1.0))
-    return Door(start=(float(start[0]), float(start[1])), end=(float(end[0]), float(end[1])), rooms=rooms)
+    return Door(start=_point_of(start), end=_point_of(end), rooms=rooms)
 
 
 def _wall_at(outline: Polygon, place: Point) -> tuple[Floats, Floats]:

@@ -94,8 +94,8 @@ class Visibility:
         chosen = chosen[np.lexsort((chosen[:, 1] // tile, chosen[:, 0] // tile))]
         self.sample = np.ravel_multi_index((chosen[:, 0], chosen[:, 1]), scene.occupied.shape)
         self.count = len(self.sample)
-        self.words = (self.count + 63) // 64 + (0 if fixed else SPARE)
         self.spare = (self.count + 63) // 64
+        self.words = self.spare + (0 if fixed else SPARE)
         self._stride = stride
         # A border of wall around the plan ends every ray.
         labels = np.full((scene.occupied.shape[0] + 2, scene.occupied.shape[1] + 2), _WALL, np.int32)

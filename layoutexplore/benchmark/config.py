@@ -16,7 +16,17 @@ import layoutexplore
 from layoutexplore.agents import AGENTS
 from layoutexplore.errors import ConfigError, checks_arguments, checks_calls, shortened, unknown_name
 from layoutexplore.files import read_toml
-from layoutexplore.options import COUNT, FLAG, KEPT_SEED, Rule, check, check_keys, check_kind, from_table
+from layoutexplore.options import (
+    COUNT,
+    FLAG,
+    KEPT_SEED,
+    POSE,
+    Rule,
+    check,
+    check_keys,
+    check_kind,
+    from_table,
+)
 from layoutexplore.sensing.lidar import SENSORS, LidarConfig
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.robot import OdometryNoise
@@ -44,7 +54,6 @@ _INSTEAD = {
 }
 """What is done with an object where a name is asked for."""
 
-_POSE = Rule(count=3, low=-1e9, high=1e9)
 STARTS, LIMIT = Rule(kind=int, low=1, high=10_000), Rule(low=0.0, high=1e9)
 
 
@@ -153,7 +162,7 @@ def _poses_of(given: Any, starts: int) -> dict[str, tuple[tuple[float, float, fl
                 f"poses of {name!r} must be a list of [x, y, theta], no more than starts ({starts}), "
                 f"got {shortened(poses)}"
             )
-    poses = {name: [_POSE.convert(f"a pose of {name!r}", p) for p in own] for name, own in given.items()}
+    poses = {name: [POSE.convert(f"a pose of {name!r}", p) for p in own] for name, own in given.items()}
     return {name: tuple((float(x), float(y), float(t)) for x, y, t in own) for name, own in poses.items()}
 
 

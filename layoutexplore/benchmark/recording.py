@@ -58,7 +58,7 @@ class Recording:
         members: int32 (c,), the cells of all clusters, as row * cols + col.
         clusters: int32 (l + 1,), where each cluster begins in `members`.
         rooms_at: int32 (r,), numbers of the decisions at which the rooms believed were kept.
-        rooms: int16 (r, rows, cols), their ids, 0 for none.
+        rooms: int16 (r, rows, cols), int32 where they do not fit: their ids, 0 for none.
     """
 
     first: Ints32
@@ -72,7 +72,7 @@ class Recording:
     members: Ints32
     clusters: Ints32
     rooms_at: Ints32
-    rooms: NDArray[np.int16]
+    rooms: NDArray[np.integer]
 
     def cells(self, scans: int) -> Cells:
         """The robot's grid after so many scans, int8 (rows, cols)."""
@@ -190,7 +190,7 @@ class Recorder:
         self._number: dict[bytes, int] = {}
         self._clusters: list[Ints] = []
         self._centres: list[tuple[float, float]] = []
-        self._rooms: list[tuple[int, NDArray[np.int16]]] = []
+        self._rooms: list[tuple[int, Ints32]] = []
 
     def note_scan(self, simulation: Simulation) -> None:
         """A scan was made."""
@@ -212,7 +212,7 @@ class Recorder:
             due = ROOMS_AT[len(self._rooms)] if len(self._rooms) < len(ROOMS_AT) else 2.0
             rooms = simulation.decision.rooms
             if self._with_rooms and rooms is not None and simulation.coverage >= due:
-                self._rooms.append((len(self._decided) - 1, rooms.labels.astype(np.int16)))
+                self._rooms.append((len(self._decided) - 1, np.array(rooms.labels, np.int32)))
         self.seconds += time.perf_counter() - began
 
     def _note_choice(self, simulation: Simulation) -> None:
@@ -240,6 +240,7 @@ class Recorder:
         """Everything noted, once the run is over."""
         grown = self._map or _GrowingMap((0, 0))
         offsets = np.cumsum([0, *map(len, self._clusters)])
+        rooms = np.array([labels for _, labels in self._rooms], np.int32)
         return Recording(
             first=grown.first,
             occupied=grown.begun == OCCUPIED,
@@ -252,7 +253,7 @@ class Recorder:
             members=np.concatenate([np.empty(0, np.int32), *self._clusters]).astype(np.int32),
             clusters=offsets.astype(np.int32),
             rooms_at=np.array([k for k, _ in self._rooms], np.int32),
-            rooms=np.array([labels for _, labels in self._rooms], np.int16).reshape(-1, *grown.first.shape),
+            rooms=_narrow(rooms.reshape(-1, *grown.first.shape)),
         )
 
 

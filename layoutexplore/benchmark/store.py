@@ -348,8 +348,8 @@ def open_results(
         renewed = {*config.again, *failed}
         wanted = merge_manifests(old, wanted, path, extend=extend, renewed=renewed)
         keys = {task.key for task in all_tasks(config, plans) if task.agent in renewed}
-        for agent in set(changed) & set(config.again):
-            if stale := folder.runs_of(agent, apart=keys):
+        for agent in changed:
+            if agent in config.again and (stale := folder.runs_of(agent, apart=keys)):
                 raise ResultsError(partly_again(agent, stale))
         folder.drop(keys)  # before it is noted that they come from other code
     write_atomically(path / "run.toml", to_toml(wanted))

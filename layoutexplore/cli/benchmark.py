@@ -133,10 +133,8 @@ def benchmark(
 ) -> None:
     """Run a benchmark and write its report."""
     from layoutexplore.cli.progress import plain_console
-    from layoutexplore.errors import require
 
-    for module in ("pandas", "pyarrow", "jinja2"):
-        require(module, "bench")
+    _require_extra()
     given: dict[str, Any] = {"starts": starts, "seed": seed, "baseline": baseline, "explain": explain}
     lists = {"plans": plans, "agents": agents, "sensors": sensor}
     given |= {name: values and tuple(values) for name, values in lists.items()}
@@ -149,6 +147,14 @@ def benchmark(
     _write_and_show(console, outcome)
     if outcome.failed:
         raise typer.Exit(1)
+
+
+def _require_extra() -> None:
+    """Raise the error that names the extra where tables cannot be made or written."""
+    from layoutexplore.errors import require
+
+    for module in ("pandas", "pyarrow", "jinja2"):
+        require(module, "bench")
 
 
 def _settings(
@@ -187,11 +193,10 @@ def report(
     from layoutexplore.benchmark.analysis import agents_of
     from layoutexplore.benchmark.store import ResultsFolder
     from layoutexplore.cli.progress import plain_console
-    from layoutexplore.errors import require, unknown_name
+    from layoutexplore.errors import unknown_name
     from layoutexplore.report.benchmark import write_benchmark_report
 
-    for module in ("pandas", "pyarrow", "jinja2"):
-        require(module, "bench")
+    _require_extra()
     results = ResultsFolder(folder)
     if baseline is not None and baseline not in (known := agents_of(results.rows())):
         raise unknown_name(f"agent of the results in {folder}", baseline, known)

@@ -137,8 +137,10 @@ def explore(
     from layoutexplore.benchmark.rows import Row, prepare, score_run
     from layoutexplore.cli.exploration import RunWatcher, check_run_files, film_of, save_run
     from layoutexplore.cli.progress import ProgressLine, plain_console
+    from layoutexplore.cli.warm_up import compile_missing
     from layoutexplore.files import check_places
     from layoutexplore.files.locking import held
+    from layoutexplore.maps.library import load_plan
     from layoutexplore.options import KEPT_SEED
     from layoutexplore.simulation.episode import play
     from layoutexplore.simulation.saved_run import read_saved_run
@@ -153,9 +155,11 @@ def explore(
     if saved:
         agent, seed, sensor = saved.notes.get("agent", agent), saved.seed, settings.lidar.name
     agent = with_prior(agent, prior, prior_scale)
-    simulation, chosen = prepare(plan, settings, agent)
-    note_unused(simulation)
     begin, until = parse_start(start), functools.partial(_has_come, pause_after)
+    floor = load_plan(plan)
+    compile_missing(_uses(agent, settings))
+    simulation, chosen = prepare(floor, settings, agent)
+    note_unused(simulation)
     with held(out, "run") if out else nullcontext():
         with ProgressLine(console, "% seen") as line, film_of(video, fps) as film:
             watcher = RunWatcher(line, agent, pictures=bool(out), state_file=save_state, goes_on=bool(saved))
@@ -180,6 +184,22 @@ def _tell(row: Row, simulation: Simulation, watcher: RunWatcher, *, returns: boo
 
     back = way_home(simulation) if returns and simulation.done else ""
     plain_console().print(summary(row, filmed=filmed, back=back, prior=watcher.belief(simulation)))
+
+
+def _uses(agent: str, settings: SimulationConfig) -> set[str]:
+    """What a run needs of what the list of kernels knows."""
+    from layoutexplore.agents import make_agent
+    from layoutexplore.frontiers.decision import predictor_of
+    from layoutexplore.simulation.config import SimulationConfig
+    from layoutexplore.simulation.state import is_noisy
+
+    uses = {"a floor plan", f"agent {agent.partition(':')[0]}"}
+    predictor = predictor_of(make_agent(agent))
+    if predictor != "none":
+        uses.add("a prior plan" if str(predictor).startswith("prior:") else "a whole exploration")
+    if is_noisy(settings) or settings.lidar.name != SimulationConfig().lidar.name:
+        uses.add(f"sensor {settings.lidar.name}")
+    return uses
 
 
 def _has_come(metres: float | None, simulation: Simulation) -> bool:
@@ -230,8 +250,9 @@ def with_prior(agent: str, prior: str | None, scale: float | None) -> str:
 
 def note_unused(simulation: Simulation) -> None:
     """Say so where a plan known beforehand tells nothing."""
-    predictor = getattr(simulation.predictor, "inner", None)
-    if reason := getattr(predictor, "unused", ""):
+    from layoutexplore.simulation.episode import untimed
+
+    if reason := getattr(untimed(simulation.predictor), "unused", ""):
         typer.echo(f"the prior plan is not used, because {reason}", err=True)
 
 

@@ -58,6 +58,7 @@ def layout(
     be read does not keep the others from being done. The time of the first map includes loading compiled
     code.
     """
+    from layoutexplore.cli.warm_up import compile_missing
     from layoutexplore.files import check_kept, check_places
     from layoutexplore.importing.pictures import picture_config
     from layoutexplore.layout.pipeline import layout_method
@@ -81,6 +82,7 @@ def layout(
     check_kept(made, [file for path, file in read if file == path or not _is_made(file)])
     work = [(path, method, config, base) for path, base in zip(maps, bases, strict=True)]
     jobs = min(JOBS.convert("--jobs", jobs), len(work))
+    compile_missing(("a floor plan", f"layout method {method.partition(':')[0]}"))
     with worker_map(jobs) as spread:
         failed = [_say(summary, as_json) for summary in spread(_attempt, work)]
     if any(failed):

@@ -166,6 +166,6 @@ def progress_lines() -> Callable[[str, int, int], None]:
         line = lines.setdefault(what, ProgressLine(console, what))
         line.advance(done, total, done / total)
         if done == total:
-            line.__exit__(None, None, None)
+            line.end()
 
     return show

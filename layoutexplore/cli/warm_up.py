@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,8 @@ import typer
 from layoutexplore.errors import LayoutExploreError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from layoutexplore.grids.grid import OccupancyGrid
     from layoutexplore.maps.floorplan import FloorPlan
     from layoutexplore.simulation.config import SimulationConfig
@@ -38,19 +40,32 @@ def warm_up_kernels() -> None:
     from layoutexplore.benchmark.pool import run_all
     from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.processes import usable_cores
-    from layoutexplore.processes.compilation import LISTENER
-    from layoutexplore.processes.kernel_list import compile_kernels, missing_kernels
 
-    LISTENER.is_silent = True  # the bar says it
     began, console, jobs = time.monotonic(), plain_console(), usable_cores()
-    with ProgressLine(console, "kernels") as line:
-        missing = missing_kernels(_steps())
-        compile_kernels(missing, jobs, lambda done, total: line.advance(done, total, done / total))
+    compile_missing(_steps(), console)
     with ProgressLine(console, "steps") as line:
         results = run_all(_do_step, list(_steps()), jobs=min(jobs, MOST_JOBS), lost=_tell_of_lost)
         for done, name in enumerate(results, 1):
             line.advance(done, len(_steps()), done / len(_steps()), name)
     console.print(f"done in {time.monotonic() - began:.0f} s; what was compiled is kept for the next time")
+
+
+def compile_missing(uses: Iterable[str], console: Console | None = None) -> None:
+    """Compile what some uses need and no cache has: on all cores, and not one after another as it comes.
+
+    Args:
+        uses: Some of those of `warm_up_steps`, and maybe others.
+        console: Where it is shown how far it is; the error stream when None.
+    """
+    from layoutexplore.cli.progress import ProgressLine, plain_console
+    from layoutexplore.processes import usable_cores
+    from layoutexplore.processes.compilation import LISTENER
+    from layoutexplore.processes.kernel_list import compile_kernels, missing_kernels
+
+    if missing := missing_kernels(uses):
+        LISTENER.is_silent = True  # the bar says it
+        with ProgressLine(console or plain_console(stderr=True), "kernels compiled, once") as line:
+            compile_kernels(missing, usable_cores(), lambda k, total: line.advance(k, total, k / total))
 
 
 @functools.cache

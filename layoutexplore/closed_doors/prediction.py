@@ -81,7 +81,7 @@ def predict_closed_rooms(grid: OccupancyGrid, models: Models | None = None) -> C
         models: Trees that find doors and score rooms; the shipped ones when None.
     """
     models, grid = models or shipped_models(), grid.trinary
-    cells = np.where(grid.free, FREE, np.where(grid.occupied, OCCUPIED, UNKNOWN)).astype(np.int8)
+    cells = np.ascontiguousarray(grid.cells)
     doors = find_closed_doors(
         cells, grid.resolution, lambda turns, edges, features: door_probability(features, models)
     )

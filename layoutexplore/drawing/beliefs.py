@@ -19,6 +19,7 @@ from layoutexplore.files import ArrayRule, read_arrays, write_arrays
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints32, shows_shapes
 from layoutexplore.predictors.prior_plan import PriorPredictor
 from layoutexplore.priors.completion import Compared, compared
+from layoutexplore.simulation.episode import untimed
 from layoutexplore.simulation.simulation import Simulation
 
 SUFFIX = ".prior.npz"
@@ -69,7 +70,7 @@ class BeliefNotes:
 
     def note(self, simulation: Simulation) -> None:
         """A decision is due, or the run is over."""
-        predictor = getattr(simulation.predictor, "inner", None)
+        predictor = untimed(simulation.predictor)
         if not isinstance(predictor, PriorPredictor) or simulation.done:
             return
         began = time.perf_counter()

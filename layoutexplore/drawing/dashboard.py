@@ -47,8 +47,7 @@ def draw_dashboard(simulation: Simulation, size: tuple[int, int], agent: str) ->
         agent: Name of the strategy; may be empty.
     """
     width, height = size
-    image = np.empty((height, width, 3), np.uint8)
-    image[:] = palette.PAPER
+    image = np.full((height, width, 3), palette.PAPER, np.uint8)
     image[0] = palette.RULE
     pad = round(0.02 * width)
     left = [pad, round(0.36 * width), round(0.50 * width), round(0.645 * width)]

@@ -8,9 +8,10 @@ import cv2
 import numpy as np
 
 from layoutexplore.drawing import palette
-from layoutexplore.drawing.dashboard import put_text, text_width
-from layoutexplore.drawing.floor_plans import CAPTION, Box, Sheet, draw_sheet
+from layoutexplore.drawing.dashboard import put_dot, put_text, text_width
+from layoutexplore.drawing.floor_plans import CAPTION, Box, draw_sheet
 from layoutexplore.drawing.palette import Image
+from layoutexplore.drawing.view import SHIFT
 from layoutexplore.errors import checks_arguments
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.grids.polygons import Point
@@ -28,8 +29,6 @@ DRAWN_OVER = 70.0
 
 MOST_MOVED = 400
 """More circles than these are left at their places: they lie too densely to be read anyway."""
-
-_FIXED = 16
 
 
 @checks_arguments
@@ -56,12 +55,12 @@ def draw_findings(plan: FloorPlan, findings: Sequence[Finding] = ()) -> Image:
         start = place
         if box := next((box for box in sheet.numbers if _gap(place, box) < DOT + 2), None):
             start = _rim(box, centre)
-        cv2.line(sheet.image, _fixed(start), _fixed(centre), palette.INK, 1, cv2.LINE_AA, 4)
+        cv2.line(sheet.image, _fixed(start), _fixed(centre), palette.INK, 1, cv2.LINE_AA, SHIFT)
     for place, _ in moved:
         if all(_gap(place, box) >= DOT + 2 for box in sheet.numbers):
-            _disc(sheet, place, DOT)
+            put_dot(sheet.image, _fixed(place), DOT, palette.VERMILLION)
     for number, centre in enumerate(centres, start=1):
-        _disc(sheet, centre, RADIUS)
+        put_dot(sheet.image, _fixed(centre), RADIUS, palette.VERMILLION)
         text = str(number)
         height = 9.0 if number < 100 else 7.0
         left = centre[0] - text_width(text, height) / 2
@@ -147,10 +146,4 @@ def _rim(box: Box, centre: Point) -> Point:
 
 
 def _fixed(point: Point) -> tuple[int, int]:
-    return round(point[0] * _FIXED), round(point[1] * _FIXED)
-
-
-def _disc(sheet: Sheet, centre: Point, radius: float) -> None:
-    """A disc with a white rim."""
-    for size, colour in ((radius + 1.5, palette.WHITE), (radius, palette.VERMILLION)):
-        cv2.circle(sheet.image, _fixed(centre), round(size * _FIXED), colour, cv2.FILLED, cv2.LINE_AA, 4)
+    return round(point[0] * (1 << SHIFT)), round(point[1] * (1 << SHIFT))

@@ -94,8 +94,8 @@ def draw_sheet(plan: FloorPlan, resolution: float | None = None) -> Sheet:
     scale = max(1, round(LONGEST_SIDE / max(rows.stop - rows.start, cols.stop - cols.start)))
     drawn = draw_plan(raster)[raster.shape[0] - rows.stop : raster.shape[0] - rows.start, cols]
     drawn = drawn.repeat(scale, axis=0).repeat(scale, axis=1)
-    image = np.empty((drawn.shape[0] + 2 * BORDER + CAPTION, drawn.shape[1] + 2 * BORDER, 3), np.uint8)
-    image[:] = palette.CANVAS
+    shape = drawn.shape[0] + 2 * BORDER + CAPTION, drawn.shape[1] + 2 * BORDER, 3
+    image = np.full(shape, palette.CANVAS, np.uint8)
     image[BORDER : BORDER + drawn.shape[0], BORDER : BORDER + drawn.shape[1]] = drawn
     metre = scale / raster.resolution
     left = raster.origin.x + cols.start * raster.resolution - BORDER / metre

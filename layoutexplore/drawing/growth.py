@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from layoutexplore.drawing.labels import label_places
-from layoutexplore.drawing.palette import QUALITATIVE, Colour
+from layoutexplore.drawing.palette import QUALITATIVE, Colour, to_hex
 from layoutexplore.errors import ConfigError, checks_arguments
 
 WIDTH, HEIGHT = 640, 400
@@ -43,7 +43,7 @@ def draw_growth(lines: Mapping[str, tuple[Line, Line]], x_title: str, y_title: s
         colour = QUALITATIVE[k % len(QUALITATIVE)]
         parts += [frame.line(solid, colour, ""), frame.line(dashed, colour, ' stroke-dasharray="5 4"')]
         x, _ = frame.at(*solid[-1])
-        parts.append(f'<text x="{x + 8:.1f}" y="{labels[k] + 4:.1f}" fill="{_hex(colour)}">{name}</text>')
+        parts.append(f'<text x="{x + 8:.1f}" y="{labels[k] + 4:.1f}" fill="{to_hex(colour)}">{name}</text>')
     return "\n".join([*parts, "</svg>", ""])
 
 
@@ -85,8 +85,4 @@ class _Frame:
     def line(self, points: Line, colour: Colour, dashes: str) -> str:
         """A line through points."""
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in (self.at(*point) for point in points))
-        return f'<polyline points="{path}" fill="none" stroke="{_hex(colour)}" stroke-width="2"{dashes}/>'
-
-
-def _hex(colour: Colour) -> str:
-    return "#{:02x}{:02x}{:02x}".format(*colour)
+        return f'<polyline points="{path}" fill="none" stroke="{to_hex(colour)}" stroke-width="2"{dashes}/>'

@@ -12,6 +12,7 @@ from layoutexplore.drawing.palette import BLUE, ORANGE, VERMILLION, Colour, Imag
 from layoutexplore.drawing.room_fills import fills_of_rooms
 from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
+from layoutexplore.layout.frame import to_local
 from layoutexplore.layout.types import FaceKind, Layout
 from layoutexplore.options import Rule, check_kind
 
@@ -81,8 +82,7 @@ class _Canvas:
         return np.ascontiguousarray(cv2.resize(np.ascontiguousarray(shown), self.size, interpolation=way))
 
     def background(self, grid: OccupancyGrid) -> Image:
-        image = np.empty((*grid.shape, 3), np.uint8)
-        image[:] = UNSEEN
+        image = np.full((*grid.shape, 3), UNSEEN, np.uint8)
         image[grid.cells == FREE] = PAPER
         image[grid.cells > FREE] = (150, 150, 155)
         image[grid.cells == OCCUPIED] = INK
@@ -90,9 +90,7 @@ class _Canvas:
 
     def pixels(self, points: Floats) -> Ints32:
         """Pixels int32 (n, 2) with 4 fractional bits of world points (n, 2)."""
-        origin = self.grid.origin
-        c, s = np.cos(origin.theta), np.sin(origin.theta)
-        local = (points - (origin.x, origin.y)) @ np.array([[c, -s], [s, c]])
+        local = to_local(points, self.grid.origin)
         at = (local / self.grid.resolution - self.low[::-1]) * self.scale - 0.5
         return np.asarray(np.rint(at * 16), np.int32)
 

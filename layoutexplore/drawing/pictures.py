@@ -207,8 +207,7 @@ def _suitable_size(shape: tuple[int, int]) -> tuple[int, int]:
 
 def _colours() -> Image:
     """uint8 (256, 3): the colour of each code; codes 0..100 and 255 are cell values as unsigned bytes."""
-    table = np.empty((256, 3), np.uint8)
-    table[:] = palette.CANVAS
+    table = np.full((256, 3), palette.CANVAS, np.uint8)
     shares = np.linspace(0.0, 1.0, OCCUPIED + 1)[:, None]
     table[: OCCUPIED + 1] = np.round((1 - shares) * np.array(palette.FREE) + shares * np.array(palette.WALL))
     table[[_UNSEEN, _PREDICTED, _MISTAKEN]] = palette.UNSEEN, palette.PREDICTED, palette.MISTAKEN

@@ -12,6 +12,7 @@ from layoutexplore.drawing import palette
 from layoutexplore.drawing.palette import Image
 from layoutexplore.grids.arrays import Floats, Ints32
 from layoutexplore.grids.grid import Pose
+from layoutexplore.layout.frame import to_local
 
 SHIFT = 4
 """OpenCV's fixed-point bits: shapes are placed to a sixteenth of a pixel."""
@@ -45,8 +46,7 @@ class View:
         whole = max(1, math.ceil(self.scale))
         wide, high = max(1, round(cols * self.scale)), max(1, round(rows * self.scale))
         large = cells[::-1].repeat(whole, axis=0).repeat(whole, axis=1) if whole > 1 else cells[::-1]
-        image = np.empty((self.size[1], self.size[0], 3), np.uint8)
-        image[:] = palette.CANVAS
+        image = np.full((self.size[1], self.size[0], 3), palette.CANVAS, np.uint8)
         top, left = round(self.top), round(self.left)
         image[top : top + high, left : left + wide] = cv2.resize(
             large, (wide, high), interpolation=cv2.INTER_AREA
@@ -66,9 +66,7 @@ class View:
 
     def pixels(self, points: Floats) -> Floats:
         """Pixel coordinates (x right, y down) of world points (n, 2)."""
-        c, s = math.cos(self.origin.theta), math.sin(self.origin.theta)
-        away = points - np.array([self.origin.x, self.origin.y])
-        cells = away @ np.array([[c, -s], [s, c]]) / self.resolution
+        cells = to_local(points, self.origin) / self.resolution
         xs = self.left + self.scale * cells[:, 0]
         ys = self.top + self.scale * (self.shape[0] - cells[:, 1])
         return np.stack([xs, ys], axis=1)

@@ -55,11 +55,28 @@ def read_tensors(
     for name, values in tensors.items():
         if values.dtype.kind == "f" and not np.isfinite(values).all():
             raise error(f"{path}: {shortened(name)} is not finite throughout: train it again")
-    for name, shape in (shapes or {}).items():
+    check_shapes(tensors, shapes or {}, path, error)
+    return tensors, metadata
+
+
+def check_shapes(
+    tensors: Mapping[str, NDArray[Any]], shapes: Mapping[str, tuple[int, ...]], path: Path, error: Kind
+) -> None:
+    """See whether tensors are there and have their shapes.
+
+    Args:
+        tensors: By name; others may be among them.
+        shapes: What there must be.
+        path: The file that they are from.
+        error: Raised where one is missing or has another shape.
+
+    Raises:
+        LayoutExploreError: Of the kind `error`.
+    """
+    for name, shape in shapes.items():
         if name not in tensors or tensors[name].shape != shape:
             found = "is missing" if name not in tensors else f"has the shape {tensors[name].shape}"
             raise error(f"{path}: {name} {found}, expected {shape}: train it again with this version")
-    return tensors, metadata
 
 
 def read_metadata(path: Path, *, what: str = "file of weights") -> dict[str, str]:

@@ -17,7 +17,7 @@ from numba import njit
 from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.detection import FrontierClusters
-from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Labels, Mask, shows_shapes
+from layoutexplore.grids.arrays import ZERO, Cells, Floats, Ints, Ints32, Labels, Mask, shows_shapes
 from layoutexplore.grids.components import label_components
 from layoutexplore.grids.grid import UNKNOWN, in_cells
 from layoutexplore.grids.runs import run_end
@@ -104,7 +104,7 @@ def _count_rooms(cells: Cells, room_ids: Labels, passable: Mask) -> tuple[Ints, 
     rooms = room_ids.max() + 1
     total, seen = np.zeros(rooms, np.int64), np.zeros(rooms, np.int64)
     for r in range(cells.shape[0]):
-        first = 0
+        first = ZERO
         # counted once a run of equal cells, not once a cell
         while first < cells.shape[1]:
             room = room_ids[r, first]
@@ -122,7 +122,9 @@ def _count_rooms(cells: Cells, room_ids: Labels, passable: Mask) -> tuple[Ints, 
 @njit(cache=True, nogil=True)
 def _unknown_at(cells: Cells, passable: Mask, r: int, c: int) -> bool:
     """Whether a cell lies inside of the grid, is unknown and can be passed."""
-    return bool(0 <= r < cells.shape[0] and 0 <= c < cells.shape[1] and cells[r, c] == -1 and passable[r, c])
+    return bool(
+        0 <= r < cells.shape[0] and 0 <= c < cells.shape[1] and cells[r, c] == UNKNOWN and passable[r, c]
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -130,7 +132,7 @@ def _count_components(component: Ints32, components: int, room_ids: Labels, room
     """int64 (components + 1, rooms): cells of each component in each room."""
     by_room = np.zeros((components + 1, rooms), np.int64)
     for r in range(component.shape[0]):
-        first = 0
+        first = ZERO
         while first < component.shape[1]:
             part = component[r, first]
             last = run_end(component[r], first, part)

@@ -16,7 +16,9 @@ from numba import njit
 
 from layoutexplore.errors import MapError, checks_arguments, checks_making
 from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32, Mask, shows_shapes
-from layoutexplore.grids.components import root_of
+from layoutexplore.grids.boxes import Box, box_size, grown_box
+from layoutexplore.grids.components import join, number_sets
+from layoutexplore.grids.grid import FREE, UNKNOWN
 
 
 @shows_shapes
@@ -96,7 +98,7 @@ class FrontierDetector:
         self.shape = (int(shape[0]), int(shape[1]))
         self._flat = np.empty(0, np.int64)
 
-    def update(self, cells: Cells, box: tuple[int, int, int, int]) -> FrontierClusters:
+    def update(self, cells: Cells, box: Box) -> FrontierClusters:
         """The clusters after cells inside the box have changed; the same as `find_frontiers(cells)`.
 
         Args:
@@ -110,14 +112,10 @@ class FrontierDetector:
         cells = check_grid(cells)
         if cells.shape != self.shape:
             raise MapError(f"this detector follows a grid of shape {self.shape}, got {cells.shape}")
-        row0, row1, col0, col1 = box
-        if row1 > row0 and col1 > col0:
-            rows, cols = self.shape
+        if box_size(box):
             # A cell next to a changed one may have become, or ceased to be, a frontier.
-            row0, row1 = max(row0 - 1, 0), min(row1 + 1, rows)
-            col0, col1 = max(col0 - 1, 0), min(col1 + 1, cols)
-            fresh = _scan(cells, row0, row1, col0, col1)
-            self._flat = _merge(self._flat, fresh, cols, row0, row1, col0, col1)
+            around = grown_box(box, 1, self.shape)
+            self._flat = _merge(self._flat, _scan(cells, *around), self.shape[1], *around)
         return FrontierClusters(*_cluster(self._flat, self.shape[1]))
 
 
@@ -132,8 +130,8 @@ def check_grid(cells: Cells) -> Cells:
 def _mark_row(here: Cells, left: Cells, right: Cells, above: Cells, below: Cells, mark: Bytes) -> None:
     """Mark free cells beside an unknown one; without branches, so that it compiles to SIMD."""
     for c in range(here.size):
-        unknown = (left[c] == -1) | (right[c] == -1) | (above[c] == -1) | (below[c] == -1)
-        mark[c] = (here[c] == 0) & unknown
+        unknown = (left[c] == UNKNOWN) | (right[c] == UNKNOWN) | (above[c] == UNKNOWN) | (below[c] == UNKNOWN)
+        mark[c] = (here[c] == FREE) & unknown
 
 
 @njit(cache=True, nogil=True)
@@ -156,8 +154,8 @@ def _scan(cells: Cells, row0: int, row1: int, col0: int, col1: int) -> Ints:
             _mark_row(here, left, right, above[inner0:inner1], below[inner0:inner1], mark[inner0:inner1])
         for c in (0, cols - 1):
             if col0 <= c < col1:
-                beside = cells[r, max(c - 1, 0)] == -1 or cells[r, min(c + 1, cols - 1)] == -1
-                mark[c] = cells[r, c] == 0 and (beside or above[c] == -1 or below[c] == -1)
+                beside = cells[r, max(c - 1, 0)] == UNKNOWN or cells[r, min(c + 1, cols - 1)] == UNKNOWN
+                mark[c] = cells[r, c] == FREE and (beside or above[c] == UNKNOWN or below[c] == UNKNOWN)
         for w in range(col0 // 8, (col1 + 7) // 8):
             if words[w] == 0:
                 continue
@@ -172,8 +170,8 @@ def _scan(cells: Cells, row0: int, row1: int, col0: int, col1: int) -> Ints:
 def _merge(old: Ints, fresh: Ints, cols: int, row0: int, row1: int, col0: int, col1: int) -> Ints:
     """The old sorted indices outside of the box and the fresh ones inside, sorted."""
     merged = np.empty(old.size + fresh.size, np.int64)
-    first, behind = int(np.searchsorted(old, row0 * cols)), int(np.searchsorted(old, row1 * cols))
-    merged[:first] = old[:first]
+    first, behind = _first_from(old, row0 * cols), _first_from(old, row1 * cols)
+    _copy(old[:first], merged)
     count, j = first, 0
     for i in range(first, behind):
         index = old[i]
@@ -186,19 +184,38 @@ def _merge(old: Ints, fresh: Ints, cols: int, row0: int, row1: int, col0: int, c
             j += 1
         merged[count] = index
         count += 1
-    rest = fresh.size - j
-    merged[count : count + rest] = fresh[j:]
-    count += rest
-    rest = old.size - behind
-    merged[count : count + rest] = old[behind:]
-    return merged[: count + rest].copy()
+    _copy(fresh[j:], merged[count:])
+    count += fresh.size - j
+    _copy(old[behind:], merged[count:])
+    return merged[: count + old.size - behind].copy()
+
+
+@njit(cache=True, nogil=True)
+def _copy(source: Ints, target: Ints) -> None:
+    """Write numbers to where others begin."""
+    # Not by slices: the text of what numba says of those that do not fit takes seconds to compile.
+    for i in range(source.size):
+        target[i] = source[i]
+
+
+@njit(cache=True, nogil=True)
+def _first_from(ordered: Ints, least: int) -> int:
+    """Where in ascending numbers the first one stands that is not smaller than `least`."""
+    low, high = 0, ordered.size
+    while low < high:
+        middle = (low + high) // 2
+        if ordered[middle] < least:
+            low = middle + 1
+        else:
+            high = middle
+    return low
 
 
 @njit(cache=True, nogil=True)
 def _cluster(flat: Ints, cols: int) -> tuple[Ints32, Ints]:
     """Group sorted flat indices into 8-connected clusters: cells (m, 2) and offsets (k + 1,)."""
     m = flat.size
-    parent = np.arange(m)
+    parent = np.arange(m).astype(np.int32)
     row = np.empty(m, np.int32)
     col = np.empty(m, np.int32)
     # Entries [above, line) lie in the row above, from the current cell's upper left neighbour on; [line, i)
@@ -216,19 +233,11 @@ def _cluster(flat: Ints, cols: int) -> tuple[Ints32, Ints]:
             above += 1
         k = above
         while k < line and col[k] <= col[i] + 1:
-            a, b = root_of(parent, k), root_of(parent, i)
-            parent[max(a, b)] = min(a, b)
+            join(parent, k, i)
             k += 1
     # Roots are the first cells of their clusters, so numbering them in order puts the clusters in order.
-    label = np.empty(m, np.int64)
-    count = 0
-    for i in range(m):
-        r = root_of(parent, i)
-        if r == i:
-            label[i] = count
-            count += 1
-        else:
-            label[i] = label[r]
+    label = number_sets(parent)
+    count = label.max() + 1 if m else 0
     offsets = np.zeros(count + 1, np.int64)
     for i in range(m):
         offsets[label[i] + 1] += 1

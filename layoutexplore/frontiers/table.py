@@ -189,5 +189,7 @@ def _gather(cells: Ints32, offsets: Ints, kept: Ints) -> tuple[Ints32, Ints]:
         starts[n + 1] = starts[n] + offsets[kept[n] + 1] - offsets[kept[n]]
     members = np.empty((starts[-1], 2), np.int32)
     for n in range(len(kept)):
-        members[starts[n] : starts[n + 1]] = cells[offsets[kept[n]] : offsets[kept[n] + 1]]
+        first = offsets[kept[n]] - starts[n]
+        for i in range(starts[n], starts[n + 1]):
+            members[i, 0], members[i, 1] = cells[first + i, 0], cells[first + i, 1]
     return members, starts

@@ -20,8 +20,8 @@ from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.frontiers.table import FrontierList, FrontierTable
 from layoutexplore.frontiers.visible_area import VisibleUnknownArea
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, Words
-from layoutexplore.grids.boxes import Box
-from layoutexplore.grids.grid import OccupancyGrid, Pose
+from layoutexplore.grids.boxes import Box, box_around
+from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.grids.morphology import borders_unknown, disc_offsets
 from layoutexplore.grids.rays import is_free_line
 from layoutexplore.planning.distance_fields import DistanceField
@@ -227,7 +227,10 @@ def _choose(
         if found[k]:
             continue
         digest = _digest(cells, distances, farthest, cluster, offsets[-1, 0])
-        if not (failed == digest).any():
+        tried = False
+        for n in range(len(failed)):
+            tried |= failed[n] == digest
+        if not tried:
             order = np.argsort(
                 (cluster[:, 0] - middle_row) ** 2 + (cluster[:, 1] - middle_col) ** 2, kind="mergesort"
             )
@@ -286,11 +289,12 @@ def _digest(cells: Cells, distances: Units, farthest: int, cluster: Ints32, reac
     code = np.uint64(len(cluster))
     for n in range(len(cluster)):
         code = (code ^ np.uint64(cluster[n, 0] * cells.shape[1] + cluster[n, 1])) * _MIX
-    row0, row1 = max(cluster[:, 0].min() - reach, 0), min(cluster[:, 0].max() + reach + 1, cells.shape[0])
-    col0, col1 = max(cluster[:, 1].min() - reach, 0), min(cluster[:, 1].max() + reach + 1, cells.shape[1])
+    top, bottom, left, right = box_around(cluster)
+    row0, row1 = max(top - reach, 0), min(bottom + reach, cells.shape[0])
+    col0, col1 = max(left - reach, 0), min(right + reach, cells.shape[1])
     for r in range(row0, row1):
         for c in range(col0, col1):
-            kind = 2 * np.int64(cells[r, c] == 0) + np.int64(distances[r + 1, c + 1] <= farthest)
+            kind = 2 * np.int64(cells[r, c] == FREE) + np.int64(distances[r + 1, c + 1] <= farthest)
             code = (code ^ np.uint64(kind)) * _MIX
             code ^= code >> np.uint64(29)
     return code
@@ -316,7 +320,7 @@ def remaining_share(cells: Cells, frontier: Ints32) -> float:
     count = 0
     for n in range(len(frontier)):
         r, c = frontier[n]
-        count += cells[r, c] == -1 or (cells[r, c] == 0 and borders_unknown(cells, r, c))
+        count += cells[r, c] == UNKNOWN or (cells[r, c] == FREE and borders_unknown(cells, r, c))
     return count / len(frontier)
 
 
@@ -328,7 +332,7 @@ def _unknown_middle(cells: Cells, frontier: Ints32) -> tuple[float, float]:
     for n in range(len(frontier)):
         for d_row, d_col in ((-1, 0), (1, 0), (0, -1), (0, 1)):
             r, c = frontier[n, 0] + d_row, frontier[n, 1] + d_col
-            if 0 <= r < rows and 0 <= c < cols and cells[r, c] == -1:
+            if 0 <= r < rows and 0 <= c < cols and cells[r, c] == UNKNOWN:
                 sum_row += r
                 sum_col += c
                 count += 1

@@ -13,7 +13,7 @@ from layoutexplore.errors import ConfigError, checks_making
 from layoutexplore.frontiers.detection import check_grid
 from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32
 from layoutexplore.grids.boxes import Box
-from layoutexplore.grids.grid import check_resolution
+from layoutexplore.grids.grid import OCCUPIED, UNKNOWN, check_resolution
 from layoutexplore.grids.rays import ray_frame
 
 
@@ -203,16 +203,16 @@ def _unknown_area(
             for n in range(starts[ray], starts[ray + 1]):
                 # Outside of the grid counts as occupied. The index is unsigned: then numba does not wrap it.
                 if not inside and not (bottom <= rows[n] < top and left <= cols[n] < right):
-                    value = np.int64(100)
+                    value = np.int64(OCCUPIED)
                 else:
                     value = np.int64(flat[np.uint64(here + offsets[n])])
-                if value == 100:
+                if value == OCCUPIED:
                     if unknown:
                         total += entered[n]
                     unknown = False
                     last = n
                     break
-                if (value == -1) != unknown:
+                if (value == UNKNOWN) != unknown:
                     unknown = not unknown
                     total += -entered[n] if unknown else entered[n]
             if unknown:

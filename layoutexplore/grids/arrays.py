@@ -20,6 +20,9 @@ Cells = NDArray[np.int8]
 Mask = NDArray[np.bool_]
 """Which cells, or which entries."""
 
+ZERO: Any = np.int64(0)
+"""0 in kernels that hand it on: a plain 0 is a type of its own, for which others would be compiled, too."""
+
 Ints = NDArray[np.int64]
 """Indices and counts."""
 
@@ -81,6 +84,16 @@ def small_labels(labels: NDArray[np.integer[Any]], highest: int) -> Labels:
         (dtype('int16'), dtype('int32'))
     """
     return np.ascontiguousarray(labels, label_type(highest))
+
+
+def dense_ids(ids: NDArray[np.integer[Any]]) -> Ints:
+    """Ids from 0 on as 0, 1, 2, ... in their order; 0 stays.
+
+    Example:
+        >>> dense_ids(np.array([0, 2**40, 7, 7])).tolist()
+        [0, 2, 1, 1]
+    """
+    return np.searchsorted(np.unique(ids[ids > 0]), ids, side="right")
 
 
 def stored_places(places: Floats) -> NDArray[np.floating[Any]]:

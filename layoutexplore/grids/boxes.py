@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Cells, Mask
+from layoutexplore.grids.arrays import Cells, Ints32, Mask
 from layoutexplore.grids.grid import UNKNOWN
 
 
@@ -70,6 +70,18 @@ def _box_without(cells: Cells, value: np.int8) -> tuple[int, int, int, int]:
                 seen[c] |= cells[r, c] != value
     at = np.flatnonzero(seen)
     return (row0, row1, at[0], at[-1] + 1) if len(at) else (0, 0, 0, 0)
+
+
+@njit(cache=True, nogil=True)
+def box_around(members: Ints32) -> tuple[int, int, int, int]:
+    """Half-open box (row0, row1, col0, col1) of cells int32 (n, 2), at least one."""
+    # In kernels instead of `min` and `max` of a column, which take a second each to compile.
+    row0 = row1 = int(members[0, 0])
+    col0 = col1 = int(members[0, 1])
+    for n in range(1, len(members)):
+        row0, row1 = min(row0, members[n, 0]), max(row1, members[n, 0])
+        col0, col1 = min(col0, members[n, 1]), max(col1, members[n, 1])
+    return row0, row1 + 1, col0, col1 + 1
 
 
 Box = tuple[int, int, int, int]

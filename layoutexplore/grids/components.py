@@ -68,8 +68,8 @@ def split_labels(labels: Ints32) -> tuple[Ints32, Ints]:
 
 
 @njit(cache=True, nogil=True)
-def root_of(parent: NDArray[np.signedinteger[Any]], i: int) -> int:
-    """The member that stands for the set of `i`; the way there is halved. `parent` int32 or int64 (n,)."""
+def root_of(parent: Ints32, i: int) -> int:
+    """The member that stands for the set of `i`; the way there is halved. `parent` int32 (n,)."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]
         i = parent[i]

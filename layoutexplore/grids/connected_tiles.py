@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Bytes, Ints, Ints32, Mask, Words
-from layoutexplore.grids.components import root_of
+from layoutexplore.grids.components import join, root_of
 
 TILE = 32
 """Side of a tile in cells."""
@@ -174,15 +174,14 @@ def _connect(
     offsets = np.zeros(down * across + 1, np.int64)
     for t in range(down * across):
         offsets[t + 1] = offsets[t] + tiles.parts[t // across, t % across]
-    parent = np.arange(offsets[-1])
+    parent = np.arange(offsets[-1]).astype(np.int32)
     for t in range(down * across):
         for side in range(2):
             for pair in tiles.touching[t // across, t % across, side]:
                 if pair[0] == 0:
                     break
-                a = root_of(parent, offsets[t] + pair[0] - 1)
-                b = root_of(parent, offsets[t + (across if side == 0 else 1)] + pair[1] - 1)
-                parent[max(a, b)] = min(a, b)
+                other = offsets[t + (across if side == 0 else 1)] + pair[1] - 1
+                join(parent, offsets[t] + pair[0] - 1, other)
     i, j = source[0] // TILE, source[1] // TILE
     _flood(world, scratch, i * TILE, j * TILE)
     number = scratch.part[source[0] - i * TILE, source[1] - j * TILE]

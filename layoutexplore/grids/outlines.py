@@ -140,7 +140,8 @@ def _from_lowest(corners: Ints32, starts: Ints) -> tuple[Ints32, Ints]:
             if right and (lowest < 0 or _before(corners[a], corners[first + lowest])):
                 lowest = i
         for i in range(size):
-            turned[n + i] = corners[first + (lowest + i) % size]
+            from_here = first + (lowest + i) % size
+            turned[n + i, 0], turned[n + i, 1] = corners[from_here, 0], corners[from_here, 1]
         sizes[k] = size
         n += size
     return turned[:n], sizes

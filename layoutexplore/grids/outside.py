@@ -12,7 +12,7 @@ import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.grids.arrays import Mask
-from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid, check_resolution
+from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid, check_resolution
 from layoutexplore.grids.morphology import with_neighbours
 
 OPENING = 3.0
@@ -78,7 +78,7 @@ def without_outside(grid: OccupancyGrid) -> OccupancyGrid:
         np.int64(324)
     """
     edge = np.concatenate([grid.cells[0], grid.cells[-1], grid.cells[:, 0], grid.cells[:, -1]])
-    if (edge == 0).mean() < MARGIN_SHARE or (edge == UNKNOWN).mean() > UNKNOWN_SHARE:
+    if (edge == FREE).mean() < MARGIN_SHARE or (edge == UNKNOWN).mean() > UNKNOWN_SHARE:
         return grid
     outside = find_outside(~grid.free, grid.resolution) & grid.free
     inside = np.count_nonzero(grid.free & ~outside)

@@ -137,8 +137,12 @@ def _fill(edges: Floats, target: NDArray[Any], value: int, transposed: bool, thi
     if transposed:
         cells, lines = lines, cells
     # Only the lines between the lowest and the highest corner are looked at.
-    low = max(0, int(np.ceil(min(edges[:, 1].min(), edges[:, 3].min()))))
-    high = max(low, min(lines, int(np.ceil(max(edges[:, 1].max(), edges[:, 3].max())))))
+    lowest, highest = np.inf, -np.inf
+    for k in range(edges.shape[0]):
+        lowest = min(lowest, edges[k, 1], edges[k, 3])
+        highest = max(highest, edges[k, 1], edges[k, 3])
+    low = max(0, int(np.ceil(lowest)))
+    high = max(low, min(lines, int(np.ceil(highest))))
     # First count the crossings of each line, then write them line by line. An edge crosses v0 <= line < v1,
     # half open, so that a corner on a line counts once and horizontal edges not at all.
     start = np.zeros(high - low + 1, np.int64)

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Cells
+from layoutexplore.grids.grid import FREE
 
 _STEEPEST = 1.0 - 1e-9
 
@@ -78,6 +79,6 @@ def is_free_line(cells: Cells, row: int, col: int, to_row: int, to_col: int) -> 
         else:
             col += step_col
             j += 1
-        if cells[row, col] != 0:
+        if cells[row, col] != FREE:
             return False
     return True

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from layoutexplore.grids.arrays import Ints, Ints32, Mask
+from layoutexplore.grids.arrays import ZERO, Ints, Ints32, Mask
 
 
 @njit(cache=True, nogil=True)
@@ -52,9 +52,10 @@ def find_runs(cells: NDArray[Any], background: Any) -> Ints32:
     for r in range(rows):
         if n + cols > len(runs):
             larger = np.empty((2 * n + cols, 3), np.int32)
-            larger[:n] = runs[:n]
+            for k in range(n):
+                larger[k, 0], larger[k, 1], larger[k, 2] = runs[k, 0], runs[k, 1], runs[k, 2]
             runs = larger
-        c = 0
+        c = ZERO
         while c < cols:
             value, first = cells[r, c], c
             c = run_end(cells[r], c, value)
@@ -75,7 +76,7 @@ def runs_of(cells: NDArray[Any], value: int) -> Ints32:
     runs = np.empty((256, 3), np.int32)
     n = 0
     for r in range(cells.shape[0]):
-        row, c = cells[r], 0
+        row, c = cells[r], ZERO
         while c < row.size:
             here, first = row[c], c
             c = run_end(row, c, here)

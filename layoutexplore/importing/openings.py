@@ -66,7 +66,7 @@ def find_openings(building: Building, *, radius: float) -> list[DoorlessWay]:
     for members in _stretches_of(cells, pairs, grid.shape):
         first, second = pairs[members[0]].tolist()
         if not _is_door(building, cells[members], doors.get((first, second), [])):
-            row, col = cells[members][_middle_of_widest(cells[members], far[members])].tolist()
+            row, col = cells[members][middle_of_widest(cells[members], far[members], 0.95)].tolist()
             # From the middle of a cell to that of a wall's: half a cell too much on either side.
             width = max(2 * radius, (2 * float(far[members].max()) - 1) * grid.resolution)
             found.append(DoorlessWay((first, second), Cell(row, col), width))
@@ -99,8 +99,8 @@ def _is_door(building: Building, cells: Ints, doors: list[Door]) -> bool:
     return any(shapely.dwithin(points, shapely.LineString([d.start, d.end]), SAME_WAY).any() for d in doors)
 
 
-def _middle_of_widest(cells: Ints, far: Floats32) -> int:
-    """Index of the cell nearest to the middle among those about as far from walls as any."""
-    good = np.flatnonzero(far >= 0.95 * far.max())
+def middle_of_widest(cells: Ints, far: Floats32, share: float) -> int:
+    """Index of the cell nearest to the middle among those with a share of the greatest distance to walls."""
+    good = np.flatnonzero(far >= share * far.max())
     away = np.linalg.norm(cells[good] - cells.mean(axis=0), axis=1)
     return int(good[away.argmin()])

@@ -17,13 +17,12 @@ from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import checks_arguments
 from layoutexplore.files import all_or_none, write_atomically, write_json
-from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import depth_inside
 from layoutexplore.grids.polygons import Point
 from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.importing.building import Building
-from layoutexplore.importing.openings import find_openings
+from layoutexplore.importing.openings import find_openings, middle_of_widest
 from layoutexplore.maps.floorplan import Room
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.sizes import windows
@@ -60,23 +59,10 @@ def room_goals(building: Building, *, radius: float = GOAL_RADIUS) -> dict[int, 
         places = (building.room_ids[window] == number) & reachable[window]
         if number in goals and places.any():
             corner = window[0].start, window[1].start
-            goals[number] = _rounded(grid.cell_to_world(*_goal_cell(places, clearance[window], corner)))
+            cells = np.argwhere(places) + corner
+            row, col = cells[middle_of_widest(cells, clearance[window][places], 0.9)].tolist()
+            goals[number] = _rounded(grid.cell_to_world(row, col))
     return goals
-
-
-def _goal_cell(places: Mask, clearance: np.ndarray[Any, Any], corner: tuple[int, int]) -> tuple[int, int]:
-    """Of the places (rows, cols) about as far from walls as any, the one nearest to their middle.
-
-    Args:
-        places: bool (rows, cols), a part of the map.
-        clearance: Metres to walls of the same part.
-        corner: The cell of the map that is the part's first one.
-    """
-    cells = np.argwhere(places) + corner
-    far = clearance[places] >= 0.9 * clearance[places].max()
-    away = np.linalg.norm(cells[far] - cells.mean(axis=0), axis=1)
-    row, col = cells[far][int(away.argmin())]
-    return int(row), int(col)
 
 
 def room_graph(building: Building, *, radius: float = GOAL_RADIUS) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, checks_arguments, checks_calls
 from layoutexplore.grids.arrays import (
+    ZERO,
     Cells,
     Floats,
     Floats32,
@@ -189,8 +190,7 @@ def _sum_up(labels: Labels, gaps: Gaps, count: int, resolution: float) -> tuple[
     boxes, doors = np.zeros((count + 1, 5), np.int64), np.zeros(count + 1)
     cols = labels.shape[1]
     for r in range(labels.shape[0]):
-        row, widths = labels[r], gaps[r]
-        c = 0
+        row, widths, c = labels[r], gaps[r], ZERO
         while c < cols:
             label, begin = row[c], c
             c = run_end(row, c, label)

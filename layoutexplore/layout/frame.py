@@ -6,6 +6,8 @@ origin.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from layoutexplore.grids.arrays import Floats, Ints
@@ -23,6 +25,17 @@ def to_world(points: Floats, origin: Pose) -> Floats:
         return np.asarray(points + np.array((origin.x, origin.y)))
     c, s = np.cos(origin.theta), np.sin(origin.theta)
     return np.asarray(points @ np.array([[c, s], [-s, c]]) + np.array((origin.x, origin.y)))
+
+
+def to_local(points: Floats, origin: Pose) -> Floats:
+    """Local points float64 (n, 2) of world points (n, 2).
+
+    Example:
+        >>> to_local(np.array([[2.0, 4.0]]), Pose(2.0, 3.0, np.pi / 2)).round(6).tolist()
+        [[1.0, 0.0]]
+    """
+    c, s = math.cos(origin.theta), math.sin(origin.theta)
+    return np.asarray((points - np.array((origin.x, origin.y))) @ np.array([[c, -s], [s, c]]))
 
 
 def undirected(angles: Floats) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import checks_making
-from layoutexplore.grids.arrays import Bytes, Cells, Ints, Ints32, Labels, Mask
+from layoutexplore.grids.arrays import ZERO, Bytes, Cells, Ints, Ints32, Labels, Mask
 from layoutexplore.grids.boxes import Box, box_size, grown_box, union
 from layoutexplore.grids.components import join_runs
 from layoutexplore.grids.flood import Row, list_marked, mark_border
@@ -190,7 +190,7 @@ def write_marks(cells: Cells, runs: Ints32, number: Ints, corner: tuple[int, int
 def _find_front(labels: Labels) -> tuple[Ints32, int]:
     """The labelled cells with a neighbour of -1, flat and in raster order, and how many they are."""
     rows, cols = labels.shape
-    front, n = np.empty(4096, np.int32), 0
+    front, n = np.empty(4096, np.int32), ZERO
     mark = np.zeros(8 * (cols // 8 + 1), np.uint8)
     below, here, above = np.empty(cols, np.uint8), np.empty(cols, np.uint8), np.empty(cols, np.uint8)
     for r in range(rows):
@@ -242,7 +242,7 @@ def grow_marked(labels: Labels, inner: Box) -> int:
         # A cell has three neighbours that are not labelled yet at most, but for those of the first front.
         if ahead.size < 4 * n:
             ahead = np.empty(4 * n, np.int32)
-        m = 0
+        m = ZERO
         for j in range(n):
             i = int(front[np.uint64(j)])
             label = flat[np.uint64(i)]
@@ -306,7 +306,7 @@ def _box_of(runs: Ints32, labels: Labels, chosen: Mask, box: Box) -> Box:
 def _relabel(labels: Labels, now: Ints32) -> None:
     """Give each label that seeds had, from 1 on, its new number; other labels stay."""
     for r in range(labels.shape[0]):
-        row, c = labels[r], 0
+        row, c = labels[r], ZERO
         while c < row.size:
             label, first = row[c], c
             c = run_end(row, c, label)

@@ -7,10 +7,11 @@ import shapely
 from numba import njit
 
 from layoutexplore.errors import ConfigError, MapError, checks_arguments, shortened
-from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, check_alike
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, check_alike, dense_ids
 from layoutexplore.grids.components import split_labels
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.outlines import cut_where_touching, trace_rings
+from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.grids.runs import find_runs
 from layoutexplore.layout.lines.face_clusters import renumber
 from layoutexplore.layout.timing import StageTimer
@@ -46,7 +47,7 @@ def room_numbers(found: object, shape: tuple[int, int], where: str) -> Ints32:
     if least < 0:
         raise ConfigError(f"{where}: ids of rooms are 0 for none and above, got {least}")
     if most > max(ids.size, HIGHEST_ID):
-        ids = np.searchsorted(np.unique(ids[ids > 0]), ids, side="right")
+        ids = dense_ids(ids)
     # In one order of memory: kernels are compiled anew for the other one.
     return ids.astype(np.int32, order="C")
 
@@ -137,7 +138,7 @@ def _cut_apart(outline: shapely.Polygon) -> shapely.Polygon:
     )
     shell = int(area.argmax())
     cut: shapely.Polygon = shapely.polygons(rings[shell], holes=rings[area < 0])
-    return cut if cut.is_valid else _largest(shapely.make_valid(cut))
+    return cut if cut.is_valid else max(polygons_of(shapely.make_valid(cut)), key=lambda p: float(p.area))
 
 
 def _left_cell(ring: Floats) -> tuple[int, int]:
@@ -145,15 +146,6 @@ def _left_cell(ring: Floats) -> tuple[int, int]:
     along = np.sign(ring[1] - ring[0])
     x, y = ring[0] + 0.5 * along + 0.5 * np.array([-along[1], along[0]])
     return int(y), int(x)
-
-
-def _largest(geometry: shapely.Geometry) -> shapely.Polygon:
-    parts = [
-        p
-        for p in shapely.get_parts(geometry, return_index=False)
-        if isinstance(p, shapely.Polygon) and not p.is_empty
-    ]
-    return max(parts, key=lambda p: float(p.area))
 
 
 def cell_polygons_to_world(polygons: list[shapely.Polygon], grid: OccupancyGrid) -> list[shapely.Polygon]:

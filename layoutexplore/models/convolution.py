@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from layoutexplore.models.network_files import Layers
 
 _ONE_THREAD = 1 << 18
 """Multiplications of one product up to which OpenBLAS keeps to one thread (its `interface/gemm.c`)."""
@@ -64,6 +68,23 @@ def convolve(
         padded[low - first + 1 : high - first + 1, 1 : cols + 1] = values[low:high]
         into[:] = _convolve_dense(padded, weight) if stride == 1 else _convolve_sparse(padded, weight, stride)
     return out
+
+
+def run_layer(
+    name: str, values: NDArray[np.float32], layers: Layers, weights: Mapping[str, NDArray[np.float32]]
+) -> NDArray[np.float32]:
+    """One of the layers of a network, with its bias; behind all but the last, "judge", comes a ReLU.
+
+    Args:
+        name: Of the layer.
+        values: float32 (rows, cols, channels in); padded with zeros.
+        layers: All layers.
+        weights: Of them, as `layoutexplore.models.network_files` names them.
+    """
+    _, _, side, stride = layers[name]
+    found = convolve(values, weights[f"{name}.weight"], side, stride)
+    found += weights[f"{name}.bias"]
+    return found if name == "judge" else np.maximum(found, 0.0, out=found)
 
 
 def _convolve_dense(padded: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, checks_arguments
 from layoutexplore.files import write_atomically
-from layoutexplore.files.tensors import read_tensors
+from layoutexplore.files.tensors import check_shapes, read_tensors
 
 Layers = Mapping[str, tuple[int, int, int, int]]
 """Channels in and out, side of the kernel and stride of each layer."""
@@ -54,7 +54,7 @@ def save_weights(path: Path, weights: Mapping[str, NDArray[np.generic]], note: s
 @checks_arguments
 def load_weights(
     path: Path, shapes: Mapping[str, tuple[int, ...]], what: str = "network of the predictor layout"
-) -> Weights:
+) -> Mapping[str, NDArray[np.float32]]:
     """Read weights; a file that has been read is kept until it changes.
 
     Args:
@@ -73,16 +73,12 @@ def load_weights(
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read as a {what}: {error}") from error
     weights = _read(path, what, changed)
-    for name, shape in shapes.items():
-        values = weights.get(name)
-        if values is None or values.shape != shape:
-            found = "is missing" if values is None else f"has shape {values.shape}"
-            raise ConfigError(f"{path}: {name} {found}, expected {shape}: train it again with this version")
+    check_shapes(weights, shapes, path, ConfigError)
     return weights
 
 
 @lru_cache(maxsize=16)
-def _read(path: Path, what: str, _changed: int) -> Weights:
+def _read(path: Path, what: str, _changed: int) -> Mapping[str, NDArray[np.float32]]:
     weights, _ = read_tensors(path, error=ConfigError, what=what)
     return MappingProxyType(
         {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}

@@ -142,7 +142,8 @@ def log_odds_by_masks(x: NDArray[np.floating[Any]], forest: LeafMasks, odds: NDA
     for begin in range(0, len(x), LANES):
         end = min(begin + LANES, len(x))
         for n in range(begin, end):
-            columns[:, n - begin] = x[n]
+            for j in range(x.shape[1]):
+                columns[j, n - begin] = x[n, j]
         totals[:] = forest.bias
         for tree in range(len(forest.starts) - 1):
             left[:] = ~np.uint64(0)
@@ -156,4 +157,5 @@ def log_odds_by_masks(x: NDArray[np.floating[Any]], forest: LeafMasks, odds: NDA
             values = forest.values[tree]
             for j in range(LANES):
                 totals[j] += values[left[j] >> forest.shift]
-        odds[begin:end] = totals[: end - begin]
+        for n in range(begin, end):
+            odds[n] = totals[n - begin]

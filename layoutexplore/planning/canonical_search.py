@@ -283,10 +283,10 @@ def _run(grid: _Grid, queue: _Queue, state: Ints, cell: int, here: int, directio
         allowed = moves[at]
         if opened >> side_a & 1:
             scheduled[at] |= 1 << direction.corner_a | 1 << side_a
-            _push(queue, state, int(at), direction.corner_a, here)
+            _push(queue, state, int(np.int64(at)), direction.corner_a, here)
         if opened >> side_b & 1:
             scheduled[at] |= 1 << direction.corner_b | 1 << side_b
-            _push(queue, state, int(at), direction.corner_b, here)
+            _push(queue, state, int(np.int64(at)), direction.corner_b, here)
 
 
 @njit(cache=True, nogil=True)

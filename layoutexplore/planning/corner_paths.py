@@ -14,7 +14,7 @@ from layoutexplore.grids.arrays import Bytes, Ints, Ints32
 from layoutexplore.planning.canonical_search import FAR
 from layoutexplore.planning.corner_graph import CornerGraph, outdated
 from layoutexplore.planning.corner_search import Links, find_links, lengths_at, shorten
-from layoutexplore.planning.known_lengths import UNKNOWN, KnownLengths, sources_to_search
+from layoutexplore.planning.known_lengths import NOT_SEARCHED, KnownLengths, sources_to_search
 
 _MOST_PLACES = 512
 """Places that are kept; beyond it only those that are asked for are."""
@@ -78,7 +78,7 @@ class CornerPaths:
         if self._known.cells is not before:
             self._links = find_links(self.graph.ground, self._known.cells)
         units = self._known.units[np.ix_(rows, rows)]
-        if (units == UNKNOWN).any():
+        if (units == NOT_SEARCHED).any():
             self._fill(rows, units)
             self._known.units[np.ix_(rows, rows)] = units
         return units
@@ -94,7 +94,7 @@ class CornerPaths:
         """Search for the unknown entries of units int64 (n, n) between places by their rows."""
         targets = _chosen(self._links, rows)
         for source in sources_to_search(units):
-            missing = np.flatnonzero(units[source] == UNKNOWN)
+            missing = np.flatnonzero(units[source] == NOT_SEARCHED)
             found = self._search(targets, source, targets)[missing]
             units[source, missing] = units[missing, source] = found
             self.searches += 1

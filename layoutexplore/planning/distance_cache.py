@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from layoutexplore.grids.arrays import Bytes, Floats32, Ints, Mask
 from layoutexplore.grids.morphology import check_mask
 from layoutexplore.planning.canonical_search import DIAGONAL, FAR, STRAIGHT
-from layoutexplore.planning.known_lengths import UNKNOWN, KnownLengths
+from layoutexplore.planning.known_lengths import NOT_SEARCHED, KnownLengths
 from layoutexplore.planning.shortest_paths import check_cells, lengths_in_metres, search_unknown
 
 _MOST_CHANGES = 20_000
@@ -46,7 +46,7 @@ class DistanceCache:
         self._adapt(world)
         rows = self._known.rows(wanted)
         units = self._known.units[np.ix_(rows, rows)]
-        if (units == UNKNOWN).any():
+        if (units == NOT_SEARCHED).any():
             self.searches += search_unknown(world, wanted, units)
             self._known.units[np.ix_(rows, rows)] = units
         return lengths_in_metres(units, resolution)

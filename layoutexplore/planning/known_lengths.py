@@ -9,7 +9,7 @@ from numba import njit
 
 from layoutexplore.grids.arrays import Ints, Mask
 
-UNKNOWN = -1
+NOT_SEARCHED = -1
 """Entry of a length that is not known."""
 
 
@@ -21,7 +21,7 @@ class KnownLengths:
 
     Attributes:
         cells: int64 (n, 2), the places as (row, col).
-        units: int64 (n, n), the lengths between them, `UNKNOWN` where nobody has searched, 0 to themselves.
+        units: int64 (n, n), the lengths between them, or `NOT_SEARCHED`; 0 to themselves.
 
     Example:
         >>> known = KnownLengths(most=100)
@@ -51,7 +51,7 @@ class KnownLengths:
         rows = np.array([known.setdefault(place, len(known)) for place in asked], np.int64)
         old, count = len(places), len(known)
         if count > old:
-            units = np.full((count, count), UNKNOWN, np.int64)
+            units = np.full((count, count), NOT_SEARCHED, np.int64)
             units[:old, :old] = self.units
             np.fill_diagonal(units, 0)
             self.units, self.cells = units, np.array(list(known), np.int64).reshape(-1, 2)
@@ -63,7 +63,7 @@ class KnownLengths:
 
     def forget(self, differ: Mask) -> None:
         """Forget some lengths: bool (n, n)."""
-        self.units[differ] = UNKNOWN
+        self.units[differ] = NOT_SEARCHED
         np.fill_diagonal(self.units, 0)
 
 
@@ -92,7 +92,7 @@ def next_source(units: Ints, first: int) -> int:
     for k in range(len(units)):
         missing = 0
         for length in units[k]:
-            missing += length == UNKNOWN
+            missing += length == NOT_SEARCHED
         farther = first >= 0 and most > 0 and missing == most and units[first, k] > units[first, source]
         if missing > most or farther:
             source, most = k, missing

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import ConfigError, shortened
 from layoutexplore.grids.arrays import Floats, Ints
-from layoutexplore.planning.tours import LEAST_GAIN, LONGEST_STRETCH, move_stretch, open_tour
+from layoutexplore.planning.tours import LEAST_GAIN, LONGEST_STRETCH, move_stretch, open_tour, reverse_stretch
 
 _NEAR = 0.5
 """Metres added to a way in the greedy start, so that the nearest place does not win by its nearness alone."""
@@ -155,7 +155,7 @@ def _two_opt(distances: Floats, patience: float, tour: Ints, sums: Floats) -> bo
                 late = end + ways_out[tour[j + 1]] - times[j + 1]
             growth = (weights[j] - weight_before) * (end + time) - 2.0 * (latencies[j] - latency_before)
             if growth + late * (total - weights[j]) < -LEAST_GAIN:
-                tour[i : j + 1] = tour[i : j + 1][::-1].copy()
+                reverse_stretch(tour, i, j)
                 return True
     return False
 

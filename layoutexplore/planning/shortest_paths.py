@@ -26,7 +26,7 @@ from layoutexplore.planning.canonical_search import (
     to_metres,
     workspace,
 )
-from layoutexplore.planning.known_lengths import UNKNOWN, sources_to_search
+from layoutexplore.planning.known_lengths import NOT_SEARCHED, sources_to_search
 
 
 def geodesic_distances(
@@ -186,7 +186,7 @@ def distance_matrix(traversable: Mask, cells: Ints32, resolution: float) -> Floa
     check_resolution(resolution)
     places = check_cells(cells, world.shape)
     # A cell that is there twice is no way from itself.
-    units = np.where((places[:, None] == places).all(axis=2), np.int64(0), np.int64(UNKNOWN))
+    units = np.where((places[:, None] == places).all(axis=2), np.int64(0), np.int64(NOT_SEARCHED))
     search_unknown(world, places, units)
     return lengths_in_metres(units, resolution)
 
@@ -197,7 +197,7 @@ def search_unknown(world: Mask, places: Ints, units: Ints) -> int:
     flat = flat_indices(places, space)
     doors, steps = entrances(flat, space)
     for source in sources_to_search(units):
-        targets = np.flatnonzero(units[source] == UNKNOWN)
+        targets = np.flatnonzero(units[source] == NOT_SEARCHED)
         ahead = doors[targets]
         lengths = space.lengths_to(int(flat[source]), ahead.ravel()).reshape(ahead.shape) + steps[targets]
         units[source, targets] = units[targets, source] = np.minimum(lengths.min(axis=1), FAR)
@@ -271,7 +271,8 @@ def walk_down(
     while True:
         if count == found.shape[0]:
             larger = np.empty((2 * count, 2), np.int32)
-            larger[:count] = found
+            for k in range(count):
+                larger[k, 0], larger[k, 1] = found[k, 0], found[k, 1]
             found = larger
         found[count, 0], found[count, 1] = row, col
         count += 1

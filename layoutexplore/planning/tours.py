@@ -125,9 +125,19 @@ def _two_opt(distances: Floats, tour: Ints) -> bool:
                 before += distances[tour[j], tour[j + 1]]
                 after += distances[tour[i], tour[j + 1]]
             if after < before - LEAST_GAIN:
-                tour[i : j + 1] = tour[i : j + 1][::-1].copy()
+                reverse_stretch(tour, i, j)
                 improved = True
     return improved
+
+
+@njit(cache=True, nogil=True)
+def reverse_stretch(tour: Ints, first: int, last: int) -> None:
+    """Turn tour[first], ..., tour[last] around."""
+    # Slices would do, but numba's text about those that do not fit takes seconds to compile.
+    while first < last:
+        tour[first], tour[last] = tour[last], tour[first]
+        first += 1
+        last -= 1
 
 
 @njit(cache=True, nogil=True)
@@ -167,4 +177,5 @@ def move_stretch(tour: Ints, buffer: Ints, start: int, size: int, behind: int, b
             for m in range(size):
                 buffer[n] = tour[start + size - 1 - m] if backwards else tour[start + m]
                 n += 1
-    tour[:] = buffer
+    for k in range(n):
+        tour[k] = buffer[k]

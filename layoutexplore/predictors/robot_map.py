@@ -31,14 +31,12 @@ from layoutexplore.grids.grid import (
 )
 from layoutexplore.grids.morphology import dilate_by_disc, disc_offsets, inflate
 from layoutexplore.importing.cleaning import without_noise
-from layoutexplore.options import FLAG, Rule, check_kind
+from layoutexplore.options import FLAG, POSE, Rule, check_kind
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
 from layoutexplore.planning.traversability import Traversability
 from layoutexplore.predictors import make_predictor
 from layoutexplore.sensing.lidar import LidarConfig
 from layoutexplore.sensing.lidar import sensor as sensor_of
-
-_COORDINATE = Rule(low=-1e9, high=1e9, count=3)
 
 GIVEN_UP = 0.1
 """Metres around a frontier that was given up in which nothing is offered: maps change and move by a cell."""
@@ -149,7 +147,7 @@ class RobotMap:
             StartError: The robot is not on its map, or nowhere near it has room.
         """
         check_kind("grid", grid, OccupancyGrid)
-        pose = Pose(*(float(value) for value in _COORDINATE.convert("pose", pose)))
+        pose = Pose(*(float(value) for value in POSE.convert("pose", pose)))
         _check_on(grid, pose)
         seen = self._seen(grid)
         grid = self._cleaned(seen)

@@ -103,7 +103,7 @@ def _spread_shapes(cells: Cells, labels: Ints32, windows: Ints, masks: Mask, sta
             if label and windows[label, 2]:
                 for step in range(4):
                     row, col = r + (step == 0) - (step == 1), c + (step == 2) - (step == 3)
-                    if 0 <= row < rows and 0 <= col < cols and cells[row, col] == -1:
+                    if 0 <= row < rows and 0 <= col < cols and cells[row, col] == UNKNOWN:
                         queue[last] = r, c
                         last += 1
                         break
@@ -114,7 +114,7 @@ def _spread_shapes(cells: Cells, labels: Ints32, windows: Ints, masks: Mask, sta
         label = out[r, c]  # the first to come has the cell: the queue goes in rings of all regions at once
         for step in range(4):
             row, col = r + (step == 0) - (step == 1), c + (step == 2) - (step == 3)
-            if not (0 <= row < rows and 0 <= col < cols) or cells[row, col] != -1 or out[row, col]:
+            if not (0 <= row < rows and 0 <= col < cols) or cells[row, col] != UNKNOWN or out[row, col]:
                 continue
             i, j = row - windows[label, 0], col - windows[label, 1]
             if (

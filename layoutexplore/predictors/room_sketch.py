@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32
+from layoutexplore.grids.arrays import ZERO, Bytes, Cells, Floats, Ints, Ints32
+from layoutexplore.grids.grid import UNKNOWN
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT
 from layoutexplore.predictors.frontier_model.features import Surroundings
 
@@ -73,7 +74,7 @@ def _starts(cells: Cells, members: Ints32, offsets: Ints, homes: Ints) -> Ints:
             for step in range(4):
                 r = members[n, 0] + (step == 0) - (step == 1)
                 c = members[n, 1] + (step == 2) - (step == 3)
-                if 0 <= r < rows and 0 <= c < cols and cells[r, c] == -1:
+                if 0 <= r < rows and 0 <= c < cols and cells[r, c] == UNKNOWN:
                     out[count] = r, c, homes[k]
                     count += 1
     return out[:count]
@@ -90,10 +91,11 @@ def _spend(
     buckets = np.full((2 + wall_cost + box_cost, 2), -1, np.int64)
     queue = np.empty((len(starts) + 4 * min(left.sum(), rows * cols), 3), np.int64)
     waiting = np.zeros((rows * cols, 2), np.int32)
-    pushed = 0
+    pushed = cost = ZERO
     for k in range(len(starts)):
-        pushed = _push(queue, buckets, waiting, pushed, (0, starts[k, 0] * cols + starts[k, 1], starts[k, 2]))
-    popped, cost = 0, 0
+        entry = cost, starts[k, 0] * cols + starts[k, 1], starts[k, 2]
+        pushed = _push(queue, buckets, waiting, pushed, entry)
+    popped = 0
     while popped < pushed:
         at = buckets[cost % len(buckets), 0]
         if at < 0:
@@ -110,7 +112,11 @@ def _spend(
         box, barred = boxes[room], code[r, c] & across != 0
         for step in range(4):
             row, col = r + (step == 0) - (step == 1), c + (step == 2) - (step == 3)
-            if not (0 <= row < rows and 0 <= col < cols) or cells[row, col] != -1 or rooms[row, col] != 0:
+            if (
+                not (0 <= row < rows and 0 <= col < cols)
+                or cells[row, col] != UNKNOWN
+                or rooms[row, col] != 0
+            ):
                 continue
             # A continued wall several cells thick is paid for once, where it is entered.
             price = cost + 1 + (wall_cost if code[row, col] & across and not barred else 0)

@@ -20,6 +20,9 @@ from layoutexplore.grids.grid import check_resolution
 from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.options import Rule, check
 
+Place = tuple[int, int]
+Colour = tuple[int, int, int]
+
 WHITE, BLACK, GREEN = (255, 255, 255), (0, 0, 0), (0, 150, 70)
 TINT, RED, BLUE = (222, 243, 226), (205, 25, 30), (20, 70, 190)
 SIGNS = (RED, GREEN, BLUE)
@@ -128,6 +131,7 @@ class _Ink:
     def __init__(self, floor: Mask, ids: Ints32, style: PictureStyle) -> None:
         self.floor, self.ids, self.style = floor, ids, style
         self.unit = style.pixels_per_metre
+        self.letters = style.text * self.unit / 22.0
         self.image = np.full((*floor.shape, 3), 255, np.uint8)
         counts = np.bincount(ids.ravel())
         counts[0] = 0
@@ -141,7 +145,7 @@ class _Ink:
         longer = max(side.stop - side.start for side in box)
         return float(longer / math.sqrt(np.count_nonzero(self.ids[box] == room)))
 
-    def centre(self, room: int) -> tuple[int, int]:
+    def centre(self, room: int) -> Place:
         """The pixel (x, y) of a room that is farthest from its walls."""
         box = self.boxes[room - 1]
         depth = cv2.distanceTransform(np.pad(self.ids[box] == room, 1).astype(np.uint8), cv2.DIST_L2, 3)
@@ -187,13 +191,13 @@ class _Ink:
 
     def numbers(self) -> None:
         """The number of every room, in thin letters in its middle."""
-        scale = self.style.text * self.unit / 22.0
         for room in self.rooms.tolist():
             x, y = self.centre(room)
-            self._write(f"{100 + room}", (x - round(1.6 * self.style.text * self.unit / 2), y), scale)
+            place = x - round(1.6 * self.style.text * self.unit / 2), y
+            self._write(f"{100 + room}", place, self.letters)
 
-    def _write(self, text: str, place: tuple[int, int], scale: float) -> None:
-        cv2.putText(self.image, text, place, cv2.FONT_HERSHEY_SIMPLEX, scale, BLACK, 1, cv2.LINE_AA)
+    def _write(self, text: str, at: Place, size: float, ink: Colour = BLACK, thick: int = 1) -> None:
+        cv2.putText(self.image, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, ink, thick, cv2.LINE_AA)
 
     def signs(self, rng: np.random.Generator) -> None:
         """Coloured squares with a white mark: extinguishers, exits, first aid."""
@@ -204,38 +208,38 @@ class _Ink:
                 row, col = cells[rng.integers(len(cells))].tolist()
                 self._sign((box[1].start + int(col), box[0].start + int(row)), SIGNS[rng.integers(3)])
 
-    def _sign(self, at: tuple[int, int], colour: tuple[int, int, int]) -> None:
+    def _sign(self, at: Place, colour: Colour) -> None:
         half = max(2, round(0.35 * self.unit))
         (x, y), arm = at, max(1, half // 2)
         cv2.rectangle(self.image, (x - half, y - half), (x + half, y + half), colour, -1)
         cv2.line(self.image, (x - arm, y), (x + arm, y), WHITE, max(1, half // 4))
         cv2.line(self.image, (x, y - arm), (x, y + arm), WHITE, max(1, half // 4))
 
-    def you_are_here(self, at: tuple[int, int]) -> None:
+    def you_are_here(self, at: Place) -> None:
         """A blue dot with a ring, and the words."""
         radius = max(3, round(0.45 * self.unit))
         cv2.circle(self.image, at, radius, BLUE, -1)
         cv2.circle(self.image, at, round(1.5 * radius), BLUE, max(1, radius // 4))
-        words = (at[0] + 2 * radius, at[1])
-        size = self.style.text * self.unit / 22.0
-        cv2.putText(self.image, "You are here", words, cv2.FONT_HERSHEY_SIMPLEX, size, BLUE, 1, cv2.LINE_AA)
+        self._write("You are here", (at[0] + 2 * radius, at[1]), self.letters, BLUE)
 
     def with_legend(self) -> Bytes:
         """The picture on its sheet: a title above, a legend below."""
-        side, line = round(2.0 * self.unit), max(14, round(1.2 * self.unit))
+        side, line = _margins(self.unit)
         margins = ((side + line, side + 5 * line), (side, side), (0, 0))
-        sheet = np.pad(self.image, margins, constant_values=255)
-        self.image, size = sheet, line / 32.0
-        cv2.putText(
-            sheet, "EVACUATION PLAN", (side, side), cv2.FONT_HERSHEY_SIMPLEX, 2 * size, GREEN, 2, cv2.LINE_AA
-        )
-        bottom = sheet.shape[0] - 4 * line
+        self.image = np.pad(self.image, margins, constant_values=255)
+        size, bottom = line / 32.0, self.image.shape[0] - 4 * line
+        self._write("EVACUATION PLAN", (side, side), 2 * size, GREEN, 2)
         for k, (words, colour) in enumerate(
             (("Fire extinguisher", RED), ("Escape route", GREEN), ("You are here", BLUE))
         ):
             self._sign((side + line // 2, bottom + k * line), colour)
             self._write(words, (side + 2 * line, bottom + k * line + line // 4), size)
-        return sheet
+        return self.image
+
+
+def _margins(unit: float) -> tuple[int, int]:
+    """Pixels of a sheet's border and of a line on it, from those of a metre."""
+    return round(2.0 * unit), max(14, round(1.2 * unit))
 
 
 def picture_points(points: Floats, height: int, style: PictureStyle) -> Floats:
@@ -247,6 +251,6 @@ def picture_points(points: Floats, height: int, style: PictureStyle) -> Floats:
         style: How it was drawn.
     """
     unit = style.pixels_per_metre
-    side, line = round(2.0 * unit), max(14, round(1.2 * unit))
+    side, line = _margins(unit)
     offset = np.array([side, side + line]) if style.legend else np.zeros(2)
     return np.asarray(np.stack([points[:, 0] * unit, height - points[:, 1] * unit], axis=1) + offset)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -192,8 +192,7 @@ class Registration:
                 hypothesis.slice, log_scale=0.5 * (log_x + log_y), aspect=log_x - log_y
             )
             found += search.run(part)
-        new = [self._refined(WarpedPlacement(c.placement), c.slice, NEW_ROUNDS) for c in found]
-        self._keep([*self.hypotheses, *new])
+        self._add(found)
 
     def _slices(self) -> Iterator[Slice]:
         """Orientations and scales to search, likeliest first."""
@@ -245,7 +244,10 @@ class Registration:
     def _try(self, count: int) -> None:
         """Refine some places that were found; the best ones, old and new, are kept."""
         tried, self._waiting = self._waiting[:count], self._waiting[count:]
-        new = [self._refined(WarpedPlacement(c.placement), c.slice, NEW_ROUNDS) for c in tried]
+        self._add(tried)
+
+    def _add(self, found: Iterable[Candidate]) -> None:
+        new = [self._refined(WarpedPlacement(c.placement), c.slice, NEW_ROUNDS) for c in found]
         self._keep([*self.hypotheses, *new])
 
     def _refresh(self) -> None:

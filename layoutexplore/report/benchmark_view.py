@@ -48,9 +48,7 @@ from layoutexplore.report.plots import (
 )
 from layoutexplore.report.profiles import ProfilePlot, profile_plot
 from layoutexplore.report.replay import ReplayView, replay_view, runs_to_replay
-from layoutexplore.report.templates import number, percent
-
-NBSP = "\N{NO-BREAK SPACE}"
+from layoutexplore.report.templates import NBSP, number, percent
 
 PACKAGES = ("numpy", "scipy", "numba", "opencv-python-headless", "shapely")
 

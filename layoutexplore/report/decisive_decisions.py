@@ -18,7 +18,7 @@ from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
 from layoutexplore.report.plots import ScaleBar, line_path, scale_bar
-from layoutexplore.report.templates import number, png_uri
+from layoutexplore.report.templates import NBSP, number, png_uri
 
 MARGIN, LEAST_SIDE = 2.5, 12.0
 """Metres around what matters, and the least side of a picture."""
@@ -37,8 +37,6 @@ RADIUS = 0.2
 
 Place = Callable[[tuple[float, float]], tuple[float, float]]
 """From (row, column) in the grid to (x, y) in the picture."""
-
-_NBSP = "\N{NO-BREAK SPACE}"
 
 
 @dataclass(frozen=True)
@@ -111,7 +109,7 @@ def decision_picture(
         path_without=_path(paths[1], place),
         labels=labels,
         scale=scale_bar(width, resolution),
-        title=f"{row.plan}, {row.sensor}, after {number(decision.distance, 0)}{_NBSP}m",
+        title=f"{row.plan}, {row.sensor}, after {number(decision.distance, 0)}{NBSP}m",
         said=_said(decision),
         outcome=_outcome(decision),
     )
@@ -149,8 +147,7 @@ def _map(decision: DecisiveDecision, occupied: Mask) -> Bytes:
 
     Row 0 has the lowest y.
     """
-    image = np.empty((*occupied.shape, 3), np.uint8)
-    image[:] = palette.CANVAS
+    image = np.full((*occupied.shape, 3), palette.CANVAS, np.uint8)
     image[~occupied] = palette.UNSEEN
     row, col = decision.corner
     part = image[row : row + decision.cells.shape[0], col : col + decision.cells.shape[1]]
@@ -206,7 +203,7 @@ def _labels(decision: DecisiveDecision, place: Place, size: tuple[int, int]) -> 
         if not (0 <= x <= size[0] and 5 * unit <= y <= size[1]) or crowded or len(labels) >= LABELS:
             continue
         closed, area = decision.judged[k, :2].tolist()
-        text = f"{_area(area)}{_NBSP}m²" if closed else "open"
+        text = f"{_area(area)}{NBSP}m²" if closed else "open"
         colour = palette.mix(palette.CLOSED if closed else palette.OPEN, palette.BLACK, 0.35)
         labels.append(Label(x, y, text, palette.to_hex(colour), before))
     return tuple(labels)
@@ -215,9 +212,9 @@ def _labels(decision: DecisiveDecision, place: Place, size: tuple[int, int]) -> 
 def _said(decision: DecisiveDecision) -> str:
     """What was predicted of the frontier that was given up, and what is true."""
     closed, area, true_closed, true_area = decision.judged[decision.without].tolist()
-    predicted = f"{_area(area)}{_NBSP}m² left in its room" if closed else "it leads on"
-    true = f"{_area(true_area)}{_NBSP}m² left" if true_closed else "it leads on"
-    stake = f"{number(decision.stake, 0)}{_NBSP}m of detour at stake."
+    predicted = f"{_area(area)}{NBSP}m² left in its room" if closed else "it leads on"
+    true = f"{_area(true_area)}{NBSP}m² left" if true_closed else "it leads on"
+    stake = f"{number(decision.stake, 0)}{NBSP}m of detour at stake."
     return f"The frontier passed over: predicted {predicted}, in truth {true}. {stake}"
 
 
@@ -229,7 +226,7 @@ def _outcome(decision: DecisiveDecision) -> str:
             if decision.came_back
             else "It was never needed: the run ended without it."
         )
-    metres = f"{number(decision.seen_after, 0)}{_NBSP}m later"
+    metres = f"{number(decision.seen_after, 0)}{NBSP}m later"
     return (
         f"The robot came back for it {metres}."
         if decision.came_back

@@ -30,12 +30,11 @@ from layoutexplore.grids.boxes import window
 from layoutexplore.priors.completion import Compared
 from layoutexplore.report.decisive_decisions import DecisionPicture, decision_picture
 from layoutexplore.report.plots import Look, agent_looks, line_path
-from layoutexplore.report.templates import number, percent, png_uri
+from layoutexplore.report.templates import NBSP, number, percent, png_uri
 
 DRAWN, WRONG_DRAWN = 6, 2
 """Decisive decisions that are drawn, and how many of them at most in which the prediction was wrong."""
 
-_NBSP = "\N{NO-BREAK SPACE}"
 
 STEPS = np.linspace(0.0, 1.0, 41)
 """Shares of a run's metres at which its confidence is drawn."""
@@ -320,7 +319,7 @@ def _runs_shown(
 
     The first one where none can be compared.
     """
-    ratios, scale = [], f"to {level[1:]}{_NBSP}%" if level else "in all"
+    ratios, scale = [], f"to {level[1:]}{NBSP}%" if level else "in all"
     for k, (row, _) in enumerate(runs):
         other = base.get(row.cell)
         mine, theirs = (getattr(each, level or "distance") if each else 0.0 for each in (row, other))
@@ -346,7 +345,7 @@ def _belief_picture(plan: BelievedPlan, n: int) -> BeliefPicture:
     wrong_floor = counts[Compared.OTHER_FLOOR] / max(floor, 1)
     wrong_walls = walls / max(walls + counts[Compared.WALL], 1)
     caption = (
-        f"{percent(coverage)} seen, {number(metres, 0)}{_NBSP}m: confidence {number(confidence)}; of what is "
+        f"{percent(coverage)} seen, {number(metres, 0)}{NBSP}m: confidence {number(confidence)}; of what is "
         f"seen the plan shows otherwise {percent(float(wrong_floor))} of the floor and "
         f"{percent(float(wrong_walls))} of the walls"
     )

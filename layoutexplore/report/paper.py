@@ -19,7 +19,7 @@ from layoutexplore.files import atomic, safe_name, write_atomically
 from layoutexplore.report.benchmark_view import BenchmarkView
 from layoutexplore.report.plots import Look
 from layoutexplore.report.profiles import FARTHEST, share_within
-from layoutexplore.report.templates import interval, number, percent, percents
+from layoutexplore.report.templates import NBSP, interval, number, percent, percents
 
 _STYLE: Any = {
     "font.size": 8,
@@ -67,7 +67,7 @@ def write_paper(folder: ResultsFolder, out: Path, *, baseline: str | None = None
     require("matplotlib", "paper")
     view = BenchmarkView.of(folder, baseline)
     written = [path for table in tables_of(view) for path in _write_table(table, out)]
-    unit = f"{view.baseline} {view.scale}".replace("\N{NO-BREAK SPACE}", " ")
+    unit = f"{view.baseline} {view.scale}".replace(NBSP, " ")
     for name, part in groups(view.rows).items():
         mine = [c for c in view.comparisons if c.sensor == name]
         curves = pooled_curves(part, view.baseline, view.curves)
@@ -151,7 +151,7 @@ def latex(text: str) -> str:
         'a\\_b 5 \\% m$^2$ \\{x\\}'
     """
     named = {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
-    named |= {"²": "$^2$", "–": "--", "−": "$-$", "\N{NO-BREAK SPACE}": "~"}
+    named |= {"²": "$^2$", "–": "--", "−": "$-$", NBSP: "~"}
     named |= {letter: rf"\{letter}" for letter in "&%$#_{}"}
     return "".join(named.get(letter, letter) for letter in re.sub(r"\s*\n\s*", " ", text))
 

@@ -18,8 +18,10 @@ from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.labels import label_places
 from layoutexplore.grids.arrays import Floats, Mask
+from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import with_neighbours
-from layoutexplore.report.templates import png_uri
+from layoutexplore.layout.frame import to_local
+from layoutexplore.report.templates import NBSP, png_uri
 
 RATIO_LIMITS = (0.4, 2.0)
 """The forest plot never shows more than this; ratios outside are marked at its edge."""
@@ -292,7 +294,7 @@ def _picture(folder: ResultsFolder, caption: str, row: Row, level: str) -> Pictu
     seen = ""
     if level:
         reached = getattr(row, level.replace("d", "reached"))
-        share = f"{level[1:]}\N{NO-BREAK SPACE}%"
+        share = f"{level[1:]}{NBSP}%"
         seen = f"{getattr(row, level):.0f} m to {share}" if reached else f"{share} not reached"
     return Picture(caption, seen, row, floor_picture(occupied), cols, rows, way, scale)
 
@@ -309,11 +311,10 @@ def track_picture(track: Floats, frame: Floats, rows: int) -> TrackPicture:
         frame: (resolution, origin x, origin y, origin theta) of the picture.
         rows: Height of the picture in cells.
     """
-    resolution, x0, y0, theta = frame
+    resolution, *origin = frame.tolist()
     step = 1 + len(track) // MOST_POINTS
     track = np.vstack([track[:-1:step], track[-1:]])
-    turn = np.array([[math.cos(theta), -math.sin(theta)], [math.sin(theta), math.cos(theta)]])
-    points = (track[:, :2] - (x0, y0)) @ turn / resolution
+    points = to_local(track[:, :2], Pose(*origin)) / resolution
     points[:, 1] = rows - points[:, 1]
     walked = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     ends = np.linspace(0, walked[-1], _PIECES + 1)

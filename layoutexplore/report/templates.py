@@ -17,6 +17,9 @@ from layoutexplore.metrics.statistics import Interval
 
 TEMPLATES = Path(__file__).parent
 
+NBSP = "\N{NO-BREAK SPACE}"
+"""Between a number and its unit."""
+
 
 def render(template: str, **context: Any) -> str:
     """A template of this folder, filled in; what it is given is escaped, in HTML and in Markdown.
@@ -82,7 +85,7 @@ def percent(value: float | None, digits: int = 0) -> str:
     """
     if value is None or not math.isfinite(value):
         return "–"
-    return f"{100 * value:z.{digits}f}\N{NO-BREAK SPACE}%".replace("-", "\N{MINUS SIGN}")
+    return f"{100 * value:z.{digits}f}{NBSP}%".replace("-", "\N{MINUS SIGN}")
 
 
 def points(value: float) -> str:

@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32
+from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.rays import ray_frame
 from layoutexplore.sensing.scan_kernels import Changes, FieldOfView, new_counters, set_cell, to_changes
 
@@ -180,10 +181,10 @@ def _judge_ended(
             weight = max(weights[index] - rule.miss, rule.least)
         weights[index] = weight
         # Between the thresholds a cell stays what it was.
-        if weight >= rule.occupied_above and cells[index] != 100:
-            set_cell(grid.cells, row, col, 100, counters)
-        elif weight <= rule.free_below and cells[index] != 0:
-            set_cell(grid.cells, row, col, 0, counters)
+        if weight >= rule.occupied_above and cells[index] != OCCUPIED:
+            set_cell(grid.cells, row, col, OCCUPIED, counters)
+        elif weight <= rule.free_below and cells[index] != FREE:
+            set_cell(grid.cells, row, col, FREE, counters)
 
 
 @njit(cache=True, nogil=True)
@@ -293,5 +294,5 @@ def _count_misses(
         if weight == weights[index]:
             continue
         weights[index] = weight
-        if weight <= rule.free_below and cells[index] != 0:
-            set_cell(grid.cells, crossed[n] // cols, crossed[n] % cols, 0, counters)
+        if weight <= rule.free_below and cells[index] != FREE:
+            set_cell(grid.cells, crossed[n] // cols, crossed[n] % cols, FREE, counters)

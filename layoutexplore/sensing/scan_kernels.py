@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints
+from layoutexplore.grids.grid import FREE, OCCUPIED
 from layoutexplore.grids.rays import ray_frame, steps
 
 Changes = tuple[int, int, int, int, int, int, int, int]
@@ -76,9 +77,9 @@ def set_cell(cells: Cells, row: int, col: int, value: int, counters: Ints) -> No
     old = cells[row, col]
     cells[row, col] = value
     counters[NEW] += old < 0
-    counters[NEW_OCCUPIED] += value == 100
-    counters[FREE_CHANGE] += np.int64(value == 0) - np.int64(old == 0)
-    counters[OCCUPIED_CHANGE] += np.int64(value == 100) - np.int64(old == 100)
+    counters[NEW_OCCUPIED] += value == OCCUPIED
+    counters[FREE_CHANGE] += np.int64(value == FREE) - np.int64(old == FREE)
+    counters[OCCUPIED_CHANGE] += np.int64(value == OCCUPIED) - np.int64(old == OCCUPIED)
     _enclose(counters, row, col)
 
 
@@ -94,7 +95,7 @@ def _free_run(cells: Cells, row: int, col0: int, col1: int, counters: Ints) -> N
     low, high = run.size, 0
     for c in range(run.size):
         if run[c] < 0:
-            run[c] = 0
+            run[c] = FREE
             low, high = min(low, c), c
     counters[NEW] += unknown
     counters[FREE_CHANGE] += unknown
@@ -131,8 +132,8 @@ def _hit(cells: Cells, true_index: np.uint64, counters: Ints) -> None:
     """Make a cell, by its index in the padded world, occupied; the border of the world is no cell."""
     rows, cols = cells.shape
     row, col = np.int64(true_index) // (cols + 2) - 1, np.int64(true_index) % (cols + 2) - 1
-    if 0 <= row < rows and 0 <= col < cols and cells[row, col] != 100:
-        set_cell(cells, row, col, 100, counters)
+    if 0 <= row < rows and 0 <= col < cols and cells[row, col] != OCCUPIED:
+        set_cell(cells, row, col, OCCUPIED, counters)
 
 
 @njit(cache=True, nogil=True)
@@ -218,15 +219,15 @@ def _cast_rays(
                 if world[true_beside] == 0:
                     index, true_index = beside, true_beside
                 elif grid[beside] < 0:
-                    grid[beside] = 0
+                    grid[beside] = FREE
                     fresh, first, last = fresh + 1, (beside if fresh == 0 else first), beside
                 break
             if (grid[beside] | grid[index]) < 0:
                 if grid[beside] < 0:
-                    grid[beside] = 0
+                    grid[beside] = FREE
                     fresh, first, last = fresh + 1, (beside if fresh == 0 else first), beside
                 if grid[index] < 0:
-                    grid[index] = 0
+                    grid[index] = FREE
                     fresh, first, last = fresh + 1, (index if fresh == 0 else first), index
         # The range may end before the next border along, but behind one across.
         n = int(across + slope * (k + 1 - along))
@@ -234,9 +235,9 @@ def _cast_rays(
             index, true_index = index + step_across, true_index + true_across
             is_hit = world[true_index] == 0
             if not is_hit and grid[index] < 0:
-                grid[index] = 0
+                grid[index] = FREE
                 fresh, first, last = fresh + 1, (index if fresh == 0 else first), index
-        if is_hit and (index >= size or grid[index] != 100):
+        if is_hit and (index >= size or grid[index] != OCCUPIED):
             _hit(cells, true_index, counters)
         if fresh > 0:
             _count_free(counters, fresh, int(np.int64(first)), int(np.int64(last)), cols)

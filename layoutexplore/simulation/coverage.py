@@ -8,6 +8,7 @@ from numba import njit
 from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Cells, Ints, Labels, Mask
 from layoutexplore.grids.boxes import Box
+from layoutexplore.grids.grid import UNKNOWN
 
 
 @checks_making
@@ -56,7 +57,7 @@ def strike_seen(
     count = 0
     for row in range(row0, row1):
         for col in range(col0, col1):
-            if unseen[row, col] and cells[row, col] != -1:
+            if unseen[row, col] and cells[row, col] != UNKNOWN:
                 unseen[row, col] = False
                 unseen_in[rooms[row, col]] -= 1
                 count += 1

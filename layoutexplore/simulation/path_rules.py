@@ -15,6 +15,7 @@ from numba.extending import register_jitable
 
 from layoutexplore.frontiers.viewpoints import remaining_share
 from layoutexplore.grids.arrays import Cells, Ints32
+from layoutexplore.grids.grid import OCCUPIED
 from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.simulation.config import SimulationConfig
 
@@ -136,6 +137,6 @@ def is_blocked(cells: Cells, path: Ints32, offsets: Ints32) -> bool:
     for k in range(len(path)):
         for n in range(len(offsets)):
             r, c = path[k, 0] + offsets[n, 0], path[k, 1] + offsets[n, 1]
-            if 0 <= r < rows and 0 <= c < cols and cells[r, c] == 100:
+            if 0 <= r < rows and 0 <= c < cols and cells[r, c] == OCCUPIED:
                 return True
     return False

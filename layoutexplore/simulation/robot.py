@@ -20,7 +20,7 @@ from layoutexplore.grids.arrays import Floats, Ints32, Mask, check_alike
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import disc_offsets
 from layoutexplore.maps.floorplan import PlanRaster
-from layoutexplore.options import Rule
+from layoutexplore.options import POSE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,9 +48,6 @@ class Motion(NamedTuple):
     moved: float
     collided: bool
     new_cells: int
-
-
-_POSE = Rule(count=3, low=-1e9, high=1e9)
 
 
 @checks_arguments
@@ -114,7 +111,7 @@ def check_start(raster: PlanRaster, robot_radius: float, start: Pose, region: Ma
 def _is_pose(value: Any) -> bool:
     """Whether it is three finite numbers, none of them too large to be a place."""
     try:
-        _POSE.convert("start", value.tolist() if isinstance(value, np.ndarray) else value)
+        POSE.convert("start", value.tolist() if isinstance(value, np.ndarray) else value)
     except ConfigError:
         return False
     return True

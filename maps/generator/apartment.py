@@ -49,7 +49,7 @@ def flat(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> i
         "hallway",
     )
     graph.link(bay.corridor(0.0, entry), hall, near=bay.world(entry / 2, 0.0))
-    labels = _dark_labels(len(small) - 1, rng)
+    labels = _dark_labels(len(small) - 1)
     for k, name in enumerate(labels):
         room = graph.room(bay.frame, bay.box(small[k], small[k + 1], 0.0, dark), name)
         graph.link(hall, room, "narrow", near=bay.world(small[k], dark))
@@ -100,7 +100,7 @@ def _shortening(small: list[float], large: list[float], rng: np.random.Generator
     return float(rng.uniform(0.6, 1.0)) * spare if spare > 0.8 and rng.random() < 0.7 else 0.0
 
 
-def _dark_labels(count: int, rng: np.random.Generator) -> list[str]:
+def _dark_labels(count: int) -> list[str]:
     """What the small rooms of a flat are."""
     names = ["bathroom", "storage", "kitchen", "bathroom", "storage", "storage"]
     return [names[k % len(names)] for k in range(count)]

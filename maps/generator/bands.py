@@ -68,7 +68,7 @@ class Style:
     """Probability that the facade of a run of rooms steps in or out."""
 
 
-def draw_style(programme: Programme, scale: float, rng: np.random.Generator) -> Style:
+def _draw_style(programme: Programme, scale: float, rng: np.random.Generator) -> Style:
     """A building's habits."""
     notch = float(rng.choice([0.0, 0.0, 0.12, 0.3]))
     return Style(
@@ -83,14 +83,15 @@ def furnish_plots(
     graph: SpaceGraph,
     plots: Sequence[Plot],
     programme: Programme,
-    style: Style,
+    scale: float,
     area: float,
     rng: np.random.Generator,
 ) -> None:
-    """Fill all plots of a building of `area` m2 with rooms."""
+    """Fill all plots of a building of `area` m2 with rooms, `scale` times as wide as is usual."""
+    style = _draw_style(programme, scale, rng)
     bright = [plot for plot in plots if not plot.dark]
     _deal_specials(bright, programme, area, rng)
-    _deal_cores(plots, programme, style, rng)
+    _deal_cores(plots, programme, rng)
     turn = 0
     for plot in plots:
         if plot.dark:
@@ -125,7 +126,7 @@ def _deal_specials(
         plot.wanted.append([(kind, width)])
 
 
-def _deal_cores(plots: Sequence[Plot], programme: Programme, style: Style, rng: np.random.Generator) -> None:
+def _deal_cores(plots: Sequence[Plot], programme: Programme, rng: np.random.Generator) -> None:
     """Promise cores (stair, toilets, lift, store) to facades where the dark zones hold too few."""
     length = added(p.length for p in plots if not p.dark) / 2
     dark = added(p.length for p in plots if p.dark)

@@ -72,6 +72,11 @@ class Bay:
         """The local rectangle from (u0, v0) to (u1, v1)."""
         return self.shape([(u0, v0), (u1, v0), (u1, v1), (u0, v1)])
 
+    def notched(self, wide: float, deep: float) -> Polygon:
+        """The bay without a rectangle in its corner on the corridor that is farther from the door."""
+        w, d = self.width, self.depth
+        return self.shape([(0.0, 0.0), (w - wide, 0.0), (w - wide, deep), (w, deep), (w, d), (0.0, d)])
+
     def world(self, u: float, v: float) -> tuple[float, float]:
         """The world point of (u, v)."""
         (point,) = self.frame.points(np.array([[self.x(u), self.y(v)]]))
@@ -90,12 +95,12 @@ Builder = Callable[[SpaceGraph, Bay, str, np.random.Generator], int]
 def plain(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> int:
     """One room; a long one has a second door at its other end; some have a pipe chase in a corner."""
     w, d = bay.width, bay.depth
-    outline = [(0.0, 0.0), (w, 0.0), (w, d), (0.0, d)]
+    outline = bay.box(0.0, w, 0.0, d)
     if w > 2.3 and rng.random() < CHASES:
         wide, deep = float(rng.uniform(0.45, 0.9)), float(rng.uniform(0.35, 0.75))
-        outline[1:2] = [(w - wide, 0.0), (w - wide, deep), (w, deep)]
+        outline = bay.notched(wide, deep)
         graph.solid(bay.frame, bay.box(w - wide, w, 0.0, deep))
-    room = graph.room(bay.frame, bay.shape(outline), label)
+    room = graph.room(bay.frame, outline, label)
     graph.link(bay.corridor(0.0, min(bay.width, 3.0)), room, near=bay.world(0.0, 0.0))
     if bay.width > 9.0:
         other = bay.corridor(bay.width - 3.0, bay.width)
@@ -162,8 +167,7 @@ def with_bathroom(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Genera
         return plain(graph, bay, label, rng)
     wide = min(w - entry, 2.6)
     bath = graph.room(bay.frame, bay.box(w - wide, w, 0.0, deep), "bathroom")
-    outline = [(0.0, 0.0), (w - wide, 0.0), (w - wide, deep), (w, deep), (w, d), (0.0, d)]
-    room = graph.room(bay.frame, bay.shape(outline), label)
+    room = graph.room(bay.frame, bay.notched(wide, deep), label)
     graph.link(bay.corridor(0.0, w - wide), room)
     graph.link(
         room, bath, "narrow", near=bay.world(w - wide, deep / 2) if rng.random() < 0.7 else bay.world(w, deep)
@@ -215,9 +219,7 @@ def beside(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) ->
     side, deep = float(rng.uniform(1.8, 2.8)), float(rng.uniform(2.0, 3.2))
     if w - side < 3.0 or d - deep < 2.0:
         return plain(graph, bay, label, rng)
-    room = graph.room(
-        bay.frame, bay.shape([(0, 0), (w - side, 0), (w - side, deep), (w, deep), (w, d), (0, d)]), label
-    )
+    room = graph.room(bay.frame, bay.notched(side, deep), label)
     store = graph.room(bay.frame, bay.box(w - side, w, 0.0, deep), "storage")
     graph.link(bay.corridor(0.0, min(w - side, 3.0)), room, near=bay.world(0.0, 0.0))
     if rng.random() < 0.5:
@@ -234,8 +236,7 @@ def shaft(graph: SpaceGraph, bay: Bay, label: str, rng: np.random.Generator) -> 
     if lift < 1.5 or d - deep < 1.3:
         return plain(graph, bay, label, rng)
     graph.solid(bay.frame, bay.box(w - lift, w, 0.0, deep))
-    outline = [(0.0, 0.0), (w - lift, 0.0), (w - lift, deep), (w, deep), (w, d), (0.0, d)]
-    room = graph.room(bay.frame, bay.shape(outline), label)
+    room = graph.room(bay.frame, bay.notched(lift, deep), label)
     graph.link(bay.corridor(0.0, w - lift), room, "narrow", near=bay.world(0.0, 0.0))
     return room
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from layoutexplore.maps.generator.bands import draw_style, furnish_plots
+from layoutexplore.maps.generator.bands import furnish_plots
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.programme import HOSPITAL, OFFICE, OFFICE_DEEP, SCHOOL, Programme
 from layoutexplore.maps.generator.skeletons import draw_skeleton, plan_skeleton
@@ -101,8 +101,7 @@ def build_skeleton(
     else:
         raise AttemptError("no topology fits")
     wings = draw_skeleton(graph, skeleton, section, programme, rng)
-    style = draw_style(programme, config.scale, rng)
-    furnish_plots(graph, [plot for wing in wings for plot in wing.plots], programme, style, gross, rng)
+    furnish_plots(graph, [plot for wing in wings for plot in wing.plots], programme, config.scale, gross, rng)
     return graph
 
 
@@ -149,8 +148,7 @@ def _racetrack(
             plot.dark = not plot.front and plot.x0 > 0.01 and plot.x1 < length - 0.01
     if not inner[1]:
         _turn_some(one, two, rng)
-    style = draw_style(programme, config.scale, rng)
-    furnish_plots(graph, [*one.plots, *two.plots], programme, style, gross, rng)
+    furnish_plots(graph, [*one.plots, *two.plots], programme, config.scale, gross, rng)
     return graph
 
 

@@ -13,7 +13,7 @@ import shapely
 from shapely import Polygon
 
 from layoutexplore.maps.generator import bays
-from layoutexplore.maps.generator.bands import Plot, draw_style, furnish_plots
+from layoutexplore.maps.generator.bands import Plot, furnish_plots
 from layoutexplore.maps.generator.bays import Bay, Piece, columns
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.programme import CORE, Programme, RoomType
@@ -80,8 +80,7 @@ def hall(config: DrawnConfig, gross: float, rng: np.random.Generator) -> SpaceGr
             plots += _core_strip(graph, x, core, depth, rng)
             x += core
     _connect_strips(graph, plots, halls)
-    style = draw_style(OPEN_PLAN, config.scale, rng)
-    furnish_plots(graph, plots, OPEN_PLAN, style, gross, rng)
+    furnish_plots(graph, plots, OPEN_PLAN, config.scale, gross, rng)
     return graph
 
 

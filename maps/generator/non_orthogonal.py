@@ -18,7 +18,7 @@ from shapely import Polygon
 
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.maps.generator import bays
-from layoutexplore.maps.generator.bands import draw_style, furnish_plots
+from layoutexplore.maps.generator.bands import furnish_plots
 from layoutexplore.maps.generator.bays import Bay
 from layoutexplore.maps.generator.config import DrawnConfig
 from layoutexplore.maps.generator.corridor_buildings import draw_section
@@ -58,8 +58,7 @@ def angled(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Space
     run = gross / section.width
     star = run > 4.5 * SHORTEST_WING and rng.random() < (0.35 if run < LONG else 1.0)
     wings = (_star if star else _chain)(graph, run, section, programme, rng)
-    style = draw_style(programme, config.scale, rng)
-    furnish_plots(graph, [plot for wing in wings for plot in wing.plots], programme, style, gross, rng)
+    furnish_plots(graph, [plot for wing in wings for plot in wing.plots], programme, config.scale, gross, rng)
     return graph
 
 
@@ -182,8 +181,7 @@ def curved(config: DrawnConfig, gross: float, rng: np.random.Generator) -> Space
     if fan:
         bend = next(wing for wing in wings if isinstance(wing.frame, Arc))
         _fan_hall(graph, bend, radius, 0.15 * gross, rng)
-    style = draw_style(programme, config.scale, rng)
-    furnish_plots(graph, [plot for wing in wings for plot in wing.plots], programme, style, gross, rng)
+    furnish_plots(graph, [plot for wing in wings for plot in wing.plots], programme, config.scale, gross, rng)
     return graph
 
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from layoutexplore.agents.base import make_agent
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.recording import (
     Recorder,
@@ -25,6 +26,8 @@ from layoutexplore.errors import ResultsError
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.maps.tracing import floorplan_from_ascii, plan_from_raster
+from layoutexplore.predictors import RoomLabels
+from layoutexplore.predictors.own_predictor import OwnPredictor
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play, run_seed, start_pose
 from layoutexplore.simulation.robot import OdometryNoise
@@ -108,6 +111,21 @@ def test_the_choice_is_the_frontier_that_was_gone_to() -> None:
     noted = recorder.end()
     counts = np.diff(noted.shown)
     assert noted.decided[:, 1].tolist() == np.minimum(1, counts - 1).tolist() and counts.max() > 1
+
+
+@pytest.mark.parametrize("number", [7, 40_000])
+def test_rooms_are_recorded_with_the_ids_of_the_predictor(number: int) -> None:
+    class Numbered:
+        def rooms(self, decision: Any) -> Any:
+            free = decision.grid.cells == 0
+            return RoomLabels(np.where(free, number, 0), free)
+
+    plan = floorplan_from_ascii(HOUSE, resolution=0.6, name="house")
+    simulation, recorder = Simulation(plan, predictor=OwnPredictor("numbered", Numbered())), Recorder()
+    simulation.on_scan = recorder.note_scan
+    play(simulation, make_agent("layout-tour"), on_step=recorder.note_decision)
+    noted = recording_from_arrays(recording_to_arrays(recorder.end()))
+    assert len(noted.rooms) > 0 and set(np.unique(noted.rooms)) == {0, number}
 
 
 def test_places_in_the_coordinates_of_a_country_are_kept_to_a_millimetre(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ def test_layout_writes_labels_in_the_image_orientation(tmp_path: Path) -> None:
         app, ["layout", str(tmp_path / "flat.png"), "--out", str(tmp_path / "out"), "--json"]
     )
     assert result.exit_code == 0, result.output
-    summary = json.loads(result.output)
+    summary = json.loads(result.stdout)
     assert summary["rooms"] == 2
     labels = cv2.imread(summary["labels"], cv2.IMREAD_UNCHANGED)
     assert labels.dtype == np.uint16 and labels.shape == (140, 200)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from functools import partial
+from importlib import resources
 
 import pytest
 from typer.testing import CliRunner
 
-from layoutexplore.cli import app
-from layoutexplore.cli.warm_up import warm_up_steps
+from layoutexplore.cli import app, warm_up
+from layoutexplore.cli.warm_up import compile_missing, warm_up_steps
 from layoutexplore.layout.merging.walls.raggedness import is_ragged
 from layoutexplore.layout.pipeline import LAYOUTS, method_names
+from layoutexplore.processes import kernel_list
+from layoutexplore.processes.compilation import LISTENER
 from layoutexplore.sensing.lidar import SENSORS
 
 
@@ -27,6 +30,49 @@ def test_a_map_with_ragged_walls_is_among_them() -> None:
     grid = step.keywords["of"]()
     assert is_ragged(grid.cells, grid.resolution)
     assert "borders" not in " ".join(step().warnings)
+
+
+WITH_ROOMS = {"agent layout-tour", "a whole exploration"}
+
+
+@pytest.mark.parametrize(
+    ("words", "needed"),
+    [
+        (["explore", "PLAN", "--agent", "nearest"], {"agent nearest"}),
+        (["explore", "PLAN", "--agent", "layout-tour:patience=1"], WITH_ROOMS),
+        (["explore", "PLAN", "--sensor", "indoor"], {"agent nearest", "sensor indoor"}),
+        (["explore", "PLAN", "--noise", "low"], {"agent nearest", "sensor stage"}),
+        (["layout", "PLAN", "--method", "morphological"], {"layout method morphological"}),
+    ],
+)
+def test_commands_compile_what_they_need_on_all_cores(
+    words: list[str], needed: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class AskedError(Exception):
+        pass
+
+    def note(uses: set[str]) -> None:
+        raise AskedError(*sorted(uses))
+
+    monkeypatch.setattr(warm_up, "compile_missing", note)
+    plan = str(resources.files("layoutexplore.maps") / "plans" / "apartment-01.geojson")
+    done = CliRunner().invoke(app, [plan if word == "PLAN" else word for word in words])
+    assert isinstance(done.exception, AskedError)
+    assert set(done.exception.args) == {"a floor plan", *needed}
+    assert set(done.exception.args) <= {name for name, _ in warm_up_steps()}
+
+
+def test_it_is_shown_how_far_it_is_and_nothing_where_nothing_is_missing(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(LISTENER, "is_silent", False)
+    missing = kernel_list.listed_kernels(["agent nearest"])[:3]
+    monkeypatch.setattr(kernel_list, "compile_kernels", lambda kernels, jobs, told: told(3, len(kernels)))
+    for found, words in ((missing, "3/3 kernels compiled"), ([], "")):
+        monkeypatch.setattr(kernel_list, "missing_kernels", lambda uses, found=found: found)
+        compile_missing(["agent nearest"])
+        out, err = capsys.readouterr()
+        assert not out and (words in err if words else not err)
 
 
 @pytest.mark.slow

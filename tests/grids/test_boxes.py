@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from layoutexplore.grids.boxes import known_box, true_box
+from layoutexplore.grids.boxes import box_around, known_box, true_box
 
 grids = hnp.arrays(
     np.int8, st.tuples(st.integers(1, 9), st.integers(1, 9)), elements=st.sampled_from([-1, -1, -1, 0, 100])
@@ -33,3 +33,9 @@ def test_true_cells_lie_in_their_box(cells: np.ndarray) -> None:
     known = known_box(cells)
     assert true_box(cells >= 0) == known
     assert true_box(np.asfortranarray(cells >= 0)) == known
+
+
+@given(hnp.arrays(np.int32, st.tuples(st.integers(1, 9), st.just(2)), elements=st.integers(0, 99)))
+def test_cells_lie_in_the_box_around_them(members: np.ndarray) -> None:
+    low, high = members.min(axis=0), members.max(axis=0) + 1
+    assert box_around(members) == (low[0], high[0], low[1], high[1])

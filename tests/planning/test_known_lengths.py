@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from layoutexplore.planning.known_lengths import UNKNOWN, KnownLengths
+from layoutexplore.planning.known_lengths import NOT_SEARCHED, KnownLengths
 
 
 @given(seed=st.integers(0, 100_000))
@@ -24,7 +24,7 @@ def test_what_is_known_is_what_was_written_and_not_forgotten(seed: int) -> None:
         places = [tuple(cell) for cell in known.cells.tolist()]
         assert set(places) >= before or len(before | set(map(tuple, asked.tolist()))) > 25
         written = {pair: length for pair, length in written.items() if set(pair) <= set(places)}
-        expected = [[written.get((a, b), 0 if a == b else UNKNOWN) for b in places] for a in places]
+        expected = [[written.get((a, b), 0 if a == b else NOT_SEARCHED) for b in places] for a in places]
         assert known.units.tolist() == expected
         if len(places) > 1:
             a, b = rng.choice(len(places), 2, replace=False).tolist()
@@ -52,7 +52,7 @@ def test_places_that_are_known_already_take_no_room() -> None:
     assert known.cells.tolist() == [[0, 0], [1, 1], [2, 2], [3, 3]] and known.units[0, 1:].tolist() == [
         7,
         7,
-        UNKNOWN,
+        NOT_SEARCHED,
     ]
     known.rows(np.array([[1, 1], [4, 4]]))
     assert known.cells.tolist() == [[1, 1], [4, 4]]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from layoutexplore.cli.evaluate.options import JsonFile, holding, write_numbers
+from layoutexplore.cli.evaluate.partial_rooms import shown
 from layoutexplore.files import check_places
 
 if TYPE_CHECKING:
@@ -158,12 +158,7 @@ def _print(summary: Sequence[dict[str, Any]]) -> None:
     from layoutexplore.cli.progress import print_table
 
     rows = [
-        [
-            line["group"],
-            line["method"],
-            str(line["maps"]),
-            *("-" if math.isnan(line[column]) else f"{line[column]:.3f}" for column in COLUMNS),
-        ]
+        [line["group"], line["method"], str(line["maps"]), *(shown(line[column]) for column in COLUMNS)]
         for line in summary
     ]
     typer.echo("")

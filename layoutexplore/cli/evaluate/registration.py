@@ -59,13 +59,13 @@ def registration(
         "|---|---|---|---|---|---|---|---|",
     ]
     for s in score_registrations(rows, SURE):
-        interval = f"{s.right:.2f}"
+        share = f"{s.right:.2f}"
         error = f"{s.error:.2f}" if s.error < 1e6 else "-"
         wrongly = f"{s.wrongly:.2f}"
         if s.kind == UNPLACED:
-            interval = error = wrongly = "-"
+            share = error = wrongly = "-"
         lines.append(
-            f"| {s.kind} | {s.coverage:.0%} | {s.floors} | {interval} | {error} | {s.confidence:.2f} "
+            f"| {s.kind} | {s.coverage:.0%} | {s.floors} | {share} | {error} | {s.confidence:.2f} "
             f"| {s.believed:.2f} | {wrongly} |"
         )
     lines.append("" if rows else f"\n{NOTHING}")

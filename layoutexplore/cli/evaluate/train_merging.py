@@ -9,6 +9,7 @@ import typer
 
 from layoutexplore.cli.evaluate.options import PlanFolders
 from layoutexplore.cli.evaluate.segmentation import (
+    SIMULATED,
     CaseResolution,
     Simulated,
     Weights,
@@ -31,7 +32,7 @@ def train_merging(
     buildings: Annotated[
         Path | None, typer.Option(help="CSV of map,building (map as NAME or FOLDER/NAME).")
     ] = None,
-    simulated: Simulated = 450,
+    simulated: Simulated = SIMULATED,
     plans: PlanFolders = None,
     weight: Weights = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the training.")] = 0,

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import ZERO, Bytes, Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.runs import run_end
 from layoutexplore.layout.frame import extent
@@ -293,7 +293,7 @@ def _count_cells(painted: Ints32, region: Bytes, cells: Cells, count: int) -> tu
     total, inside = np.zeros(count, np.int64), np.zeros(count, np.int64)
     known, free = np.zeros(count, np.int64), np.zeros(count, np.int64)
     for row in range(painted.shape[0]):
-        first = 0
+        first = ZERO
         # counted once a run of equal cells, not once a cell
         while first < painted.shape[1]:
             face = painted[row, first]

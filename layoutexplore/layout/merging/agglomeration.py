@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Floats, Ints32
+from layoutexplore.grids.arrays import ZERO, Floats, Ints32
 from layoutexplore.grids.components import root_of
 from layoutexplore.layout.merging.graph_tables import NODE, RegionGraph, add_node, enclose_edge
 from layoutexplore.layout.merging.merge_tree.contact_chains import chains_of, move_contacts, stale_contacts
@@ -53,7 +53,8 @@ def _add_sample(x: Floats, a: Floats, b: Floats, sample: Floats) -> None:
 
     Room 0 is none: two regions in no room are one, but that teaches little.
     """
-    sample[:FEATURE_COUNT] = x
+    for k in range(FEATURE_COUNT):
+        sample[k] = x[k]
     sample[FEATURE_COUNT] = 1.0 if _same_room(a, b) else 0.0
     ra, rb = a.argmax(), b.argmax()
     pure = min(a[ra] / max(a.sum(), 1.0), b[rb] / max(b.sum(), 1.0))
@@ -154,14 +155,14 @@ def _agglomerate(
     # all are to be asked about at first, then those of the region that grew
     stale = np.flatnonzero(~contest.gone).astype(np.int32)
     near = np.empty(count, np.int32)
-    written = questions = merges = a = 0
+    written = questions = merges = a = ZERO
     done = False
     while questions + len(stale) <= asking.rest.questions:
         questions += len(stale)
         written = _enter_all(stale, ends, tables, asking, contest, samples, written)
         if nodes:
             # every region at first, then the one that grew
-            begin, end = (a, a + 1) if merges else (0, count)
+            begin, end = (a, a + 1) if merges else (ZERO, count)
             record_wholes(record, begin, end, tables, chains, contest.odds, asking.size, asking.resolution)
         stale = near[:0]
         best = contest.surest[1]

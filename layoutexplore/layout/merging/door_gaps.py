@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 
 from layoutexplore.errors import ConfigError
-from layoutexplore.grids.arrays import Floats, Ints32, Mask
+from layoutexplore.grids.arrays import ZERO, Floats, Ints32, Mask
 from layoutexplore.grids.bitsets import true_cells
 from layoutexplore.grids.runs import run_end
 from layoutexplore.layout.limits import cells_at_most
@@ -163,6 +163,25 @@ def _widens_along(blocked: Mask, rise: Ints32, line: int, c: int, step: int, wan
     return False
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _is_gap(
+    blocked: Mask, rise: Ints32, line: int, begin: int, width: int, sizes: GapSizes, gap: Ints32
+) -> bool:
+    """Whether so many open cells of a line part two walls and widen on either side; written to `gap`."""
+    one = _run_along(blocked, rise, line, begin - 1, -1, sizes)
+    other = _run_along(blocked, rise, line, begin + width, 1, sizes)
+    middle, wanted = begin + width // 2, width + sizes.widening
+    if not (
+        max(one, other) >= sizes.run
+        and _widens_along(blocked, rise, line, middle, -1, wanted, sizes.reach)
+        and _widens_along(blocked, rise, line, middle, 1, wanted, sizes.reach)
+    ):
+        return False
+    gap[GAP.line], gap[GAP.begin], gap[GAP.width] = line, begin, width
+    gap[GAP.long], gap[GAP.short] = max(one, other), min(one, other)
+    return True
+
+
 @njit(cache=True, nogil=True)
 def _gaps_along_rows(blocked: Mask, sizes: GapSizes) -> Ints32:
     """The gaps int32 (n, columns of `GAP`) between blocked cells of one row, in raster order."""
@@ -173,22 +192,12 @@ def _gaps_along_rows(blocked: Mask, sizes: GapSizes) -> Ints32:
     count = 0
     for r in range(rows):
         line = blocked[r]
-        before = run_end(line, 0, False)
+        before = run_end(line, ZERO, False)
         while before < cols:
             c, behind = before + 1, run_end(line, before + 1, False)
             n = behind - c
             if sizes.narrowest <= n <= sizes.widest and behind < cols:
-                middle, wanted = c + n // 2, n + sizes.widening
-                one = _run_along(blocked, level, r, before, -1, sizes)
-                other = _run_along(blocked, level, r, behind, 1, sizes)
-                if (
-                    max(one, other) >= sizes.run
-                    and _widens_along(blocked, level, r, middle, -1, wanted, sizes.reach)
-                    and _widens_along(blocked, level, r, middle, 1, wanted, sizes.reach)
-                ):
-                    gaps[count, GAP.line], gaps[count, GAP.begin], gaps[count, GAP.width] = r, c, n
-                    gaps[count, GAP.long], gaps[count, GAP.short] = max(one, other), min(one, other)
-                    count += 1
+                count += _is_gap(blocked, level, r, c, n, sizes, gaps[count])
             before = behind
     return gaps[:count].copy()
 
@@ -242,17 +251,7 @@ def gaps_along_lines(blocked: Mask, at: Ints32, rise: Ints32, sizes: GapSizes) -
         if before < 0 or not sizes.narrowest <= n <= sizes.widest:
             continue
         # most pairs of cells are no ends of walls that run along the line, and do not get any further
-        one = _run_along(blocked, rise, line, before, -1, sizes)
-        other = _run_along(blocked, rise, line, c, 1, sizes)
-        middle, wanted = before + 1 + n // 2, n + sizes.widening
-        if (
-            max(one, other) >= sizes.run
-            and _widens_along(blocked, rise, line, middle, -1, wanted, sizes.reach)
-            and _widens_along(blocked, rise, line, middle, 1, wanted, sizes.reach)
-        ):
-            gaps[count, GAP.line], gaps[count, GAP.begin], gaps[count, GAP.width] = line, before + 1, n
-            gaps[count, GAP.long], gaps[count, GAP.short] = max(one, other), min(one, other)
-            count += 1
+        count += _is_gap(blocked, rise, line, before + 1, n, sizes, gaps[count])
     return gaps[:count].copy()
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import ZERO, Floats, Ints, Ints32, Mask
 from layoutexplore.layout.merging.graph_tables import NODE
 
 
@@ -78,7 +78,7 @@ def node_table(
     nodes[:, NODE.col0] = cols
     k = 0
     for r in range(rows):
-        begin = 0
+        begin = ZERO
         while begin < cols:
             a = labels[r, begin]
             # a run of one label begins at the row's first cell or after a change to another label

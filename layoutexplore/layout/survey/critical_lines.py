@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import ZERO, Bytes, Floats, Ints, Ints32, Mask
 
 BUCKET = 16
 """Side of a bucket: how fast a search is, not what it finds."""
@@ -75,9 +75,9 @@ def _basis_points(points: Ints32, walls: Ints32, distance: Bytes) -> Ints:
     out = np.full((len(points), 2), -1, np.int64)
     for i in range(len(points)):
         r, c = points[i]
-        out[i, 0] = _nearest(walls, first, order, size, r, c, -1, 0)
+        out[i, 0] = _nearest(walls, first, order, size, r, c, ZERO - 1, ZERO)
         if out[i, 0] >= 0:
-            out[i, 1] = _nearest(walls, first, order, size, r, c, out[i, 0], int(distance[r, c]))
+            out[i, 1] = _nearest(walls, first, order, size, r, c, out[i, 0], int(np.int64(distance[r, c])))
     return out
 
 

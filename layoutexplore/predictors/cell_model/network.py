@@ -10,7 +10,7 @@ import numpy as np
 
 from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats32
-from layoutexplore.models.convolution import convolve
+from layoutexplore.models.convolution import run_layer
 from layoutexplore.models.network_files import Layers, Weights
 from layoutexplore.predictors.cell_model.network_input import PLANES, NetworkInput, draw_planes
 
@@ -65,11 +65,7 @@ class CellNetwork:
                 part = joined[row::2, col::2, :-kept]
                 part[:] = low[: part.shape[0], : part.shape[1]]
             low = self._layer(name, joined)
-        return self._layer("judge", self._layer("end", low), last=True)
+        return self._layer("judge", self._layer("end", low))
 
-    def _layer(self, name: str, values: Floats32, last: bool = False) -> Floats32:
-        """One convolution of values (rows, cols, channels), padded with zeros."""
-        _, _, side, stride = LAYERS[name]
-        found = convolve(values, self._weights[f"{name}.weight"], side, stride)
-        found += self._weights[f"{name}.bias"]
-        return found if last else np.maximum(found, 0.0, out=found)
+    def _layer(self, name: str, values: Floats32) -> Floats32:
+        return run_layer(name, values, LAYERS, self._weights)

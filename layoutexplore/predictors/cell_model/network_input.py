@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32
+from layoutexplore.grids.arrays import Cells, Floats32, Ints, Ints32, Labels
 from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.bit_map import (
     ALONG_COLS,
@@ -71,17 +71,17 @@ class NetworkInput:
 
     Attributes:
         bits: float16 (6, rows, cols), share of each lattice cell that has a bit of the bit map.
-        labels: int16 (rows, cols), the highest region in each lattice cell, 0 for none.
+        labels: Of the type of those of `Regions` (rows, cols), the highest in each lattice cell, 0 for none.
         lattice_cells: int16 (n, 2), row and column of those that are asked for.
-        region: int16 (n,), the region that asks.
+        region: Of the same type (n,), the region that asks.
         rank: int8 (n,), 0 for the first region of a lattice cell, 1 for the second.
         features: float16 (n, features), of `CandidateCells`.
     """
 
     bits: NDArray[np.float16]
-    labels: NDArray[np.int16]
+    labels: Labels
     lattice_cells: NDArray[np.int16]
-    region: NDArray[np.int16]
+    region: Labels
     rank: Cells
     features: NDArray[np.float16]
 
@@ -103,9 +103,9 @@ def make_network_input(
     bits = np.stack([((code & bit) > 0).mean(axis=(1, 3), dtype=np.float32) for bit in _BITS])
     return NetworkInput(
         bits=bits.astype(np.float16),
-        labels=_by_lattice_cell(regions.labels, stride).max(axis=(1, 3)).astype(np.int16),
+        labels=_by_lattice_cell(regions.labels, stride).max(axis=(1, 3)),
         lattice_cells=(candidates.cells // stride).astype(np.int16),
-        region=candidates.region.astype(np.int16),
+        region=candidates.region.astype(regions.labels.dtype),
         rank=candidates.rank.astype(np.int8),
         features=candidates.features.astype(np.float16),
     )

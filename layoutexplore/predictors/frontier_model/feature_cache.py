@@ -14,6 +14,7 @@ from numba import njit
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Floats32, Ints, Ints32
+from layoutexplore.grids.boxes import box_around
 from layoutexplore.grids.grid import in_cells
 from layoutexplore.layout.doorways import Regions
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, WALL_BIT, BitMap
@@ -101,10 +102,14 @@ class FeatureCache(ByThread):
     def __init__(self) -> None:
         self._draw = FollowedBitMap()
         self._known: dict[bytes, int] = {}
-        self._features = np.zeros((0, len(LOCAL_FEATURES)), np.float32)
-        self._frames = np.zeros((0, len(FRAME)))
-        self._touched = np.zeros((0, len(BARRIERS), TOUCHED), np.int32)
+        self._forget()
+
+    def _forget(self) -> None:
+        """Keep a row of zeros: what no frontier was found in before."""
         self._scratch = FloodScratch(np.zeros(0, np.uint8), np.zeros(0, np.int32))
+        self._features = np.zeros((1, len(LOCAL_FEATURES)), np.float32)
+        self._frames = np.zeros((1, len(FRAME)))
+        self._touched = np.zeros((1, len(BARRIERS), TOUCHED), np.int32)
 
     def compute(
         self, cells: Cells, frontiers: FrontierClusters, regions: Regions, resolution: float
@@ -154,10 +159,7 @@ class FeatureCache(ByThread):
         These reach so many blocks. The changed blocks are None where the grid is another one.
         """
         if changed is None:
-            self._scratch = FloodScratch(np.zeros(0, np.uint8), np.zeros(0, np.int32))
-            self._features = np.zeros((1, len(LOCAL_FEATURES)), np.float32)
-            self._frames = np.zeros((1, len(FRAME)))
-            self._touched = np.zeros((1, len(BARRIERS), TOUCHED), np.int32)
+            self._forget()
             return np.full(len(keys), -1, np.int64)
         old = np.array([self._known.get(key, -1) for key in keys], np.int64)
         _forget_changed(np.asarray(cv2.integral(changed), np.int32), clusters, reach, old)
@@ -171,11 +173,10 @@ def _forget_changed(changes: Ints32, clusters: Clusters, reach: int, old: Ints) 
         if old[k] < 0:
             continue
         cells = clusters.members[clusters.offsets[k] : clusters.offsets[k + 1]]
-        top, bottom = cells[:, 0].min() // BLOCK, cells[:, 0].max() // BLOCK
-        left, right = cells[:, 1].min() // BLOCK, cells[:, 1].max() // BLOCK
+        top, bottom, left, right = box_around(cells)
         # A half-open box of blocks; the sums hold one row and column more than there are blocks.
-        r0, r1 = max(top - reach, 0), min(bottom + reach + 1, changes.shape[0] - 1)
-        c0, c1 = max(left - reach, 0), min(right + reach + 1, changes.shape[1] - 1)
+        r0, r1 = max(top // BLOCK - reach, 0), min((bottom - 1) // BLOCK + reach + 1, changes.shape[0] - 1)
+        c0, c1 = max(left // BLOCK - reach, 0), min((right - 1) // BLOCK + reach + 1, changes.shape[1] - 1)
         if changes[r1, c1] - changes[r0, c1] - changes[r1, c0] + changes[r0, c0] > 0:
             old[k] = -1
 
@@ -202,7 +203,8 @@ def compute_local_features(
         k = wanted[n]
         cluster = clusters.members[clusters.offsets[k] : clusters.offsets[k + 1]]
         frame = frontier_frame(code, cluster)
-        frames[n] = frame
+        for j in range(len(frame)):
+            frames[n, j] = frame[j]
         _shape(code, cluster, frame, lengths.near_end, out[n, _SHAPE_AT:])
         doors_near(code, cluster, frame, lengths.near_door, out[n, _DOORS_AT:])
         cast_rays(code, frame, lengths.sight, out[n, _RAYS_AT:])
@@ -212,8 +214,10 @@ def compute_local_features(
             # The first flood, which nothing bars, tells whether a barrier is met at all: where it is not, the
             # flood with this barrier would find the same.
             if b > 0 and not met & barriers[b]:
-                out[n, at : at + flood] = out[n, _FLOODS_AT : _FLOODS_AT + flood]
-                touched[n, b] = touched[n, 0]
+                for j in range(flood):
+                    out[n, at + j] = out[n, _FLOODS_AT + j]
+                for j in range(TOUCHED):
+                    touched[n, b, j] = touched[n, 0, j]
                 continue
             found = out[n, at:]
             bits = flood_unknown(code, barriers[b], cluster, lengths.depths, scratch, found, touched[n, b])
@@ -226,12 +230,21 @@ def compute_local_features(
 def _shape(code: Bytes, cluster: Ints32, frame: Floats, near: int, out: Floats32) -> None:
     """Size, extents, slant, sides, and the distance to a wall from the ends on either side."""
     # In the order of `_SHAPE`.
-    ahead = cluster[:, 0] * frame[FRAME.forward_row] + cluster[:, 1] * frame[FRAME.forward_col]
-    side = cluster[:, 0] * frame[FRAME.side_row] + cluster[:, 1] * frame[FRAME.side_col]
-    out[0], out[1], out[2] = len(cluster), ahead.max() - ahead.min() + 1, side.max() - side.min() + 1
+    nearest_ahead = left = np.inf
+    farthest_ahead = right = -np.inf
+    leftmost = rightmost = 0
+    for n in range(len(cluster)):
+        ahead = cluster[n, 0] * frame[FRAME.forward_row] + cluster[n, 1] * frame[FRAME.forward_col]
+        side = cluster[n, 0] * frame[FRAME.side_row] + cluster[n, 1] * frame[FRAME.side_col]
+        nearest_ahead, farthest_ahead = min(nearest_ahead, ahead), max(farthest_ahead, ahead)
+        if side < left:
+            left, leftmost = side, n
+        if side > right:
+            right, rightmost = side, n
+    out[0], out[1], out[2] = len(cluster), farthest_ahead - nearest_ahead + 1, right - left + 1
     out[3], out[4] = frame[FRAME.slant], frame[FRAME.sides]
     for end in range(2):
-        row, col = cluster[np.argmin(side) if end == 0 else np.argmax(side)]
+        row, col = cluster[leftmost if end == 0 else rightmost]
         nearest = 2 * near
         for dr in range(-near, near + 1):
             for dc in range(-near, near + 1):

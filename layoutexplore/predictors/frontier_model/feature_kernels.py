@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Ints, Ints32
+from layoutexplore.grids.arrays import ZERO, Bytes, Floats, Floats32, Ints, Ints32
+from layoutexplore.grids.boxes import box_around
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
 
 RAYS = 16
@@ -63,8 +64,8 @@ def flood_sizes(members: Ints32, offsets: Ints, wanted: Ints, depth: int, cols: 
     rows, cells = 0, 0
     for k in wanted:
         cluster = members[offsets[k] : offsets[k + 1]]
-        down = cluster[:, 0].max() - cluster[:, 0].min() + 1 + 2 * (depth + 1)
-        across = cluster[:, 1].max() - cluster[:, 1].min() + 1 + 2 * (depth + 1)
+        row0, row1, col0, col1 = box_around(cluster)
+        down, across = row1 - row0 + 2 * (depth + 1), col1 - col0 + 2 * (depth + 1)
         rows, cells = max(rows, down), max(cells, down * across)
     return rows * cols, cells
 
@@ -208,7 +209,7 @@ def flood_unknown(
     # Not `grids.flood.spread_in_place`: here the sides that the flood touches are counted and sampled.
     cols, (taken, queue) = code.shape[1], scratch
     flat = code.ravel()
-    base = (members[:, 0].min() - depths[-1] - 1) * cols
+    base = (box_around(members)[0] - depths[-1] - 1) * cols
     started, last, met = _start_flood(code, barrier, members, scratch, base)
     # Unsigned as `k` is: the difference of an unsigned and a signed number would not be a whole one.
     origin = np.uint64(base)
@@ -309,17 +310,16 @@ def walls_in_line(code: Bytes, frame: Floats, unit: int, out: Floats32) -> None:
     side = int(frame[FRAME.side_row] + frame[FRAME.side_col])
     upright = frame[FRAME.forward_row] != 0
     across = ALONG_ROWS if upright else ALONG_COLS
-    aside, length = ASIDE * unit, AHEAD * unit
+    aside, length, one = ASIDE * unit, AHEAD * unit, ZERO + 1
     walls, extended = _bits_on_lines(
-        code, upright, row, col, (0, forward, length), (-aside, 1, 2 * aside + 1), across
+        code, upright, row, col, (ZERO, forward, length), (-aside, one, 2 * aside + 1), across
     )
     for k in range(AHEAD):
         out[k] = walls[k * unit : (k + 1) * unit].max()
         out[AHEAD + k] = extended[k * unit : (k + 1) * unit].max()
     beside, back, width = BESIDE * unit, BACK * unit, (BACK + FORTH) * unit
-    walls, _ = _bits_on_lines(
-        code, not upright, row, col, (-beside * side, side, 2 * beside), (-back * forward, forward, width), 0
-    )
+    lines, cells = (-beside * side, side, 2 * beside), (-back * forward, forward, width)
+    walls, _ = _bits_on_lines(code, not upright, row, col, lines, cells, ZERO)
     for k in range(2 * BESIDE):
         out[2 * AHEAD + k] = walls[k * unit : (k + 1) * unit].max()
 

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Labels
+from layoutexplore.grids.grid import FREE
 from layoutexplore.layout.doorways import Gaps, Regions
 from layoutexplore.predictors.bit_map import BitMap
 from layoutexplore.predictors.frontier_model.feature_cache import (
@@ -57,6 +59,8 @@ _AT = _RegionFeatures(*range(len(_REGION)))
 
 FEATURES: tuple[str, ...] = (*LOCAL_FEATURES, *_CONTACTS, *_REGION)
 """Names of the features, in their order. Lengths are metres, areas square metres."""
+
+_CONTACTS_AT, _REGION_AT = len(LOCAL_FEATURES), len(LOCAL_FEATURES) + len(_CONTACTS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,10 +122,8 @@ def frontier_features(around: Surroundings, visible: Floats) -> Floats32:
     out = np.zeros((len(frontiers), len(FEATURES)), np.float32)
     out[:, : len(LOCAL_FEATURES)] = around.local_features
     shape = bit_map.code.shape[1], bit_map.margin
-    _contacts(
-        around.touched, *shape, regions.labels, around.homes, out[:, len(LOCAL_FEATURES) : -len(_REGION)]
-    )
-    rest = out[:, -len(_REGION) :]
+    _contacts(around.touched, *shape, regions.labels, around.homes, out)
+    rest = out[:, _REGION_AT:]
     rest[:, _AT.visible] = visible
     rest[:, _AT.known] = math.log(1.0 + _count_free(around.cells) * resolution**2)
     rest[:, _AT.frontiers] = len(frontiers)
@@ -129,7 +131,7 @@ def frontier_features(around: Surroundings, visible: Floats) -> Floats32:
     frames[:, [FRAME.row, FRAME.col]] -= bit_map.margin
     grids, sums = (regions.labels, regions.gaps), (regions.boxes, regions.doors)
     clusters = Clusters(frontiers.cells, frontiers.offsets)
-    _region_features(clusters, around.homes, frames, grids, sums, resolution, rest)
+    _region_features(clusters, around.homes, frames, grids, sums, resolution, out)
     return out
 
 
@@ -141,7 +143,7 @@ def _count_free(cells: Cells) -> int:
         # A row's count by itself, without a branch, so that it compiles to SIMD.
         row, free = cells[r], 0
         for c in range(row.size):
-            free += row[np.uint64(c)] == 0
+            free += row[np.uint64(c)] == FREE
         count += free
     return count
 
@@ -149,6 +151,7 @@ def _count_free(cells: Cells) -> int:
 @njit(cache=True, nogil=True)
 def _contacts(touched: Ints32, cols: int, margin: int, labels: Labels, home: Ints, out: Floats32) -> None:
     """Per flood the share of touched free cells in other regions, and the number of these regions."""
+    out = out[:, _CONTACTS_AT:_REGION_AT]
     seen = np.zeros(TOUCHED, np.int32)
     for k in range(len(touched)):
         for b in range(touched.shape[1]):
@@ -185,6 +188,8 @@ def _region_features(
 
     `grids` are the labels and gaps of `Regions`, `sums` their boxes and doors.
     """
+    # Cut out here: the columns of one frontier alone are an array of another kind.
+    out = out[:, _REGION_AT:]
     (labels, gaps), (boxes, doors), (members, offsets) = grids, sums, clusters
     frontier_cells, waiting = np.zeros(len(boxes), np.int64), np.zeros(len(boxes), np.int64)
     for n in range(len(members)):
@@ -217,11 +222,21 @@ def _region_features(
         row[_AT.region_long], row[_AT.region_short] = longer[region], shorter[region]
         row[_AT.region_frontier] = frontier_cells[region] * resolution
         row[_AT.region_frontiers], row[_AT.region_doors] = waiting[region], doors[region]
-    if finished.any():
-        out[:, _AT.finished_room] = np.median(boxes[finished, 0]) * area
-        out[:, _AT.finished_rooms] = np.count_nonzero(finished)
-        out[:, _AT.finished_long] = np.median(longer[finished])
-        out[:, _AT.finished_short] = np.median(shorter[finished])
+    sizes = boxes[:, 0][finished]
+    if len(sizes):
+        out[:, _AT.finished_room] = _median(sizes) * area
+        out[:, _AT.finished_rooms] = len(sizes)
+        out[:, _AT.finished_long] = _median(longer[finished])
+        out[:, _AT.finished_short] = _median(shorter[finished])
+
+
+@njit(cache=True, nogil=True)
+def _median(values: NDArray[Any]) -> float:
+    """The median of numbers (n,), at least one."""
+    # Of floats, so that numba's sort, which takes seconds to compile, is compiled for one type.
+    ordered = np.sort(values.astype(np.float64))
+    half = len(ordered) // 2
+    return float(ordered[half] if len(ordered) % 2 else (ordered[half - 1] + ordered[half]) / 2)
 
 
 def home_regions(regions: Regions, frontiers: FrontierClusters) -> Ints:
@@ -232,13 +247,20 @@ def home_regions(regions: Regions, frontiers: FrontierClusters) -> Ints:
 
 @njit(cache=True, nogil=True)
 def _most_common(owners: Ints, offsets: Ints) -> Ints:
-    """Per group the most common value, the lowest of equals."""
+    """Per group the most common of values from 0 on, the lowest of equals."""
     out = np.zeros(len(offsets) - 1, np.int64)
+    most = 0
+    for n in range(len(owners)):
+        most = max(most, owners[n])
+    counts = np.zeros(most + 1, np.int64)
     for k in range(len(out)):
-        group = np.sort(owners[offsets[k] : offsets[k + 1]])
-        run, best = 0, 0
+        group, best = owners[offsets[k] : offsets[k + 1]], 0
         for n in range(len(group)):
-            run = run + 1 if n and group[n] == group[n - 1] else 1
-            if run > best:
-                best, out[k] = run, group[n]
+            counts[group[n]] += 1
+        for n in range(len(group)):
+            count = counts[group[n]]
+            if count > best or (count == best and group[n] < out[k]):
+                best, out[k] = count, group[n]
+        for n in range(len(group)):
+            counts[group[n]] = 0
     return out

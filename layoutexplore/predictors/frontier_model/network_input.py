@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Labels, Mask
+from layoutexplore.grids.arrays import ZERO, Bytes, Floats, Ints, Ints32, Labels, Mask
 from layoutexplore.predictors.bit_map import ALONG_COLS, ALONG_ROWS, DOOR_BIT, FREE_BIT, UNKNOWN_BIT, WALL_BIT
 from layoutexplore.predictors.frontier_model.feature_cache import Clusters
 from layoutexplore.predictors.frontier_model.feature_kernels import FRAME
@@ -187,7 +187,7 @@ def _draw_crop(
         step_ahead = (ahead[a + 1] - ahead[a]) // (_MOST_CELLS + 1) + 1
         for s in range(SIDE):
             step_aside = (aside[s + 1] - aside[s]) // (_MOST_CELLS + 1) + 1
-            counts, total, mine, others = 0, 0, 0, 0
+            counts = total = mine = others = ZERO
             for i in range(ahead[a], max(ahead[a + 1], ahead[a] + 1), step_ahead):
                 for j in range(aside[s], max(aside[s + 1], aside[s] + 1), step_aside):
                     # Six counters of `_WIDTH` bits in one number: no carry, for a cell has fewer grid cells.

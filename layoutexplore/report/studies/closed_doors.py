@@ -51,8 +51,7 @@ def draw_map(cells: Cells, new: Mask, truth: Mask) -> Bytes:
         truth: bool (rows, cols), cells that are free.
     """
     check_alike("draw_map", cells=cells, new=new, truth=truth)
-    image = np.empty((*cells.shape, 3), np.uint8)
-    image[:] = palette.CANVAS
+    image = np.full((*cells.shape, 3), palette.CANVAS, np.uint8)
     hidden = truth & (cells != FREE)
     image[cells == FREE] = palette.FREE
     image[cells == OCCUPIED] = palette.WALL

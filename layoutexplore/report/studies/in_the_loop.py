@@ -68,8 +68,7 @@ def draw_believed_rooms(snapshot: Snapshot, rooms: RoomLabels) -> Bytes:
         uint8 (h, w, 3) RGB, y up.
     """
     cells, truth = snapshot.decision.grid.cells, snapshot.truth.raster
-    image = np.empty((*cells.shape, 3), np.uint8)
-    image[:] = palette.CANVAS
+    image = np.full((*cells.shape, 3), palette.CANVAS, np.uint8)
     ids = np.where(rooms.passable, rooms.room_ids, 0)
     fills = fills_of_rooms(truth.room_ids, truth.resolution)
     seen = cells == FREE

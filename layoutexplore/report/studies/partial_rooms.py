@@ -28,7 +28,8 @@ from layoutexplore.metrics.statistics import NO_INTERVAL, Interval
 from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.report.charts import calibration_chart, line_chart, root_scatter
-from layoutexplore.report.templates import png_uri, render
+from layoutexplore.report.studies.in_the_loop import WIDTH
+from layoutexplore.report.templates import NBSP, png_uri, render
 
 PICTURES = 6
 """Rooms drawn of the best, and of the worst."""
@@ -108,8 +109,7 @@ def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> Bytes:
     found = predicted_hidden(cells, item, rooms)
     hidden = item.mask & ~item.seen
     part = window(item.mask | found, math.ceil(MARGIN / resolution))
-    image = np.empty((*cells.shape, 3), np.uint8)
-    image[:] = palette.CANVAS
+    image = np.full((*cells.shape, 3), palette.CANVAS, np.uint8)
     image[cells == FREE] = palette.FREE
     for mask, colour in (
         (item.seen, palette.SEEN),
@@ -120,7 +120,7 @@ def draw_room(snapshot: Snapshot, item: Item, rooms: RoomLabels) -> Bytes:
         image[mask] = colour
     image[cells == OCCUPIED] = palette.WALL
     image[tuple(snapshot.decision.clusters.cells.T)] = palette.PURPLE
-    scale = max(1, round(420 / max(image[part].shape[:2])))
+    scale = max(1, round(WIDTH / max(image[part].shape[:2])))
     large, outline = (
         np.asarray(cv2.resize(a, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST), np.uint8)
         for a in (image[part], item.mask[part].astype(np.uint8))
@@ -233,7 +233,7 @@ def spell(stratum: str) -> str:
         >>> spell("25%-50%"), spell("20%"), spell("all")
         ('25–50\xa0%', '20\xa0%', 'all')
     """
-    return stratum.replace("%-", "–").replace("%", "\N{NO-BREAK SPACE}%")
+    return stratum.replace("%-", "–").replace("%", f"{NBSP}%")
 
 
 def _leader(rooms: Mapping[str, Mapping[str, RoomLine]], stratum: str, measure: str) -> str:

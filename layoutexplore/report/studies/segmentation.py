@@ -11,6 +11,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from layoutexplore.drawing import palette
+from layoutexplore.drawing.layouts import INK, UNSEEN
 from layoutexplore.drawing.room_fills import fills_of_rooms
 from layoutexplore.errors import checks_arguments
 from layoutexplore.evaluation.segmentation import MapScore, in_percent, summarise_segmentation
@@ -23,7 +24,7 @@ from layoutexplore.maps.painted_rooms import Case, read_case
 from layoutexplore.metrics.segmentation import HEADINGS, MEASURES, overlap_table
 from layoutexplore.report.templates import png_uri, render
 
-UNCLAIMED, WALL, UNSEEN = (255, 255, 255), (30, 30, 36), (205, 208, 212)
+UNCLAIMED = (255, 255, 255)
 
 
 def comparison_picture(case: Case, labels: Ints32, resolution: float) -> Bytes:
@@ -39,7 +40,7 @@ def comparison_picture(case: Case, labels: Ints32, resolution: float) -> Bytes:
     grid, truth, free = read_case(case, resolution)
     found = np.where(free, labels, 0)
     part = window(grid.cells != UNKNOWN, 10)
-    ground = np.where(free[..., None], UNCLAIMED, np.where(grid.occupied[..., None], WALL, UNSEEN)).astype(
+    ground = np.where(free[..., None], UNCLAIMED, np.where(grid.occupied[..., None], INK, UNSEEN)).astype(
         np.uint8
     )[part]
     sides, fills = [], fills_of_rooms(np.where(free, truth, 0), grid.resolution)

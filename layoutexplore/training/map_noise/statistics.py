@@ -127,16 +127,24 @@ def _runs(mask: Mask) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 def _gap_widths(cells: Cells, resolution: float) -> Floats:
     """Widths [m] of free runs along the rows between two walls, of the length of an opening."""
-    starts, ends = _runs(cells == FREE)
-    flat, cols = np.ascontiguousarray(cells).ravel(), cells.shape[1]
-    widths = (ends - starts) * resolution
-    inner = (starts % cols > 0) & (ends % cols > 0) & (widths >= GAP[0]) & (widths <= GAP[1])
-    starts, ends, widths = starts[inner], ends[inner], widths[inner]
+    starts, ends = _between_walls(cells, FREE, GAP, resolution)
     lengths = _run_lengths(cells == OCCUPIED).ravel() * resolution
     # in line with walls, not merely between two: a wall of some length ends on both sides
+    in_line = np.minimum(lengths[starts - 1], lengths[ends]) >= 2 * resolution
+    return np.asarray((ends - starts)[in_line] * resolution)
+
+
+def _between_walls(
+    cells: Cells, kind: int, widths: tuple[float, float], resolution: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Those of the `_runs` of a kind of cells that end at walls and are from one width to another [m]."""
+    starts, ends = _runs(cells == kind)
+    flat, cols = np.ascontiguousarray(cells).ravel(), cells.shape[1]
+    width = (ends - starts) * resolution
+    fit = (starts % cols > 0) & (ends % cols > 0) & (width >= widths[0]) & (width <= widths[1])
+    starts, ends = starts[fit], ends[fit]
     walls = (flat[starts - 1] == OCCUPIED) & (flat[ends] == OCCUPIED)
-    in_line = walls & (np.minimum(lengths[starts - 1], lengths[ends]) >= 2 * resolution)
-    return np.asarray(widths[in_line])
+    return starts[walls], ends[walls]
 
 
 def _unknown_share(cells: Cells) -> float:
@@ -166,12 +174,7 @@ def _doubled_share(cells: Cells, resolution: float) -> float:
     occupied = cells == OCCUPIED
     facing = np.zeros(cells.shape, bool)
     for one, out in ((cells, facing), (cells.T, facing.T)):
-        starts, ends = _runs(one == UNKNOWN)
-        flat, cols = np.ascontiguousarray(one).ravel(), one.shape[1]
-        widths = (ends - starts) * resolution
-        fit = (starts % cols > 0) & (ends % cols > 0) & (widths >= DOUBLE[0]) & (widths <= DOUBLE[1])
-        starts, ends = starts[fit], ends[fit]
-        both = (flat[starts - 1] == OCCUPIED) & (flat[ends] == OCCUPIED)
-        for at in (starts[both] - 1, ends[both]):
-            out[at // cols, at % cols] = True
+        starts, ends = _between_walls(one, UNKNOWN, DOUBLE, resolution)
+        for at in (starts - 1, ends):
+            out[np.divmod(at, one.shape[1])] = True
     return float(facing[occupied].mean())

@@ -15,6 +15,7 @@ from layoutexplore.layout.merging.separator.network import (
     OUTPUTS,
     OUTSIDE,
     THING,
+    pair_ends,
 )
 from layoutexplore.layout.merging.separator.planes import KINDS, PATCH
 
@@ -57,8 +58,7 @@ def targets_of(
     truth[:, THING] = thing / 255
     weight[:, THING] = thing_weight / 255 * (mean[..., 1] + mean[..., 2] > 0)
     for k, (up, right) in enumerate(OFFSETS, FIRST_PAIR):
-        here = slice(0, rows - up), slice(max(-right, 0), cols - max(right, 0))
-        there = slice(up, rows), slice(max(right, 0), cols - max(-right, 0))
+        here, there = pair_ends(up, right, rows, cols)
         one, other = rooms[:, *here], rooms[:, *there]
         truth[:, k, *here] = (one == other).float()
         asked = (free[:, *here] & free[:, *there]).float()

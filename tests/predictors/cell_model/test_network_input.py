@@ -7,7 +7,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from layoutexplore.predictors.cell_model.network_input import PLANES, SHOWN, draw_planes, reoriented
+from layoutexplore.layout.doorways import Regions, doorway_regions
+from layoutexplore.predictors.cell_model.features import find_candidates
+from layoutexplore.predictors.cell_model.network_input import (
+    PLANES,
+    SHOWN,
+    draw_planes,
+    make_network_input,
+    reoriented,
+)
 from tests.predictors.cell_model.cases import GRIDS, half_seen, scene_of
 
 
@@ -46,6 +54,19 @@ def test_a_turned_scene_is_that_of_the_turned_map(cells: NDArray[np.int8], way: 
         for scene in (found, expected)
     ]
     assert squares[0] == squares[1]
+
+
+def test_what_a_region_is_numbered_does_not_matter() -> None:
+    cells = half_seen()
+    regions = doorway_regions(cells, 0.1)
+    assert regions.count == 1
+    labels = np.where(regions.labels > 0, np.int32(40_000), np.int32(0))
+    other = Regions(labels, 40_000, regions.gaps, regions.resolution)
+    few, many = (
+        draw_planes(make_network_input(cells, each, find_candidates(cells, each, 0.1), 0.1))
+        for each in (regions, other)
+    )
+    np.testing.assert_array_equal(few.values, many.values)
 
 
 def test_a_window_shows_what_lies_in_it() -> None:

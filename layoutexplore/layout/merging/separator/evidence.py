@@ -8,7 +8,7 @@ from numba import njit
 from layoutexplore.grids.arrays import Floats, Floats32, Ints32
 from layoutexplore.layout.merging.contact_table import BorderMap
 from layoutexplore.layout.merging.graph_tables import EDGE, NODE, edge_slots, find_slot
-from layoutexplore.layout.merging.separator.network import BORDER, NEAR, OFFSETS, OUTSIDE
+from layoutexplore.layout.merging.separator.network import BORDER, FIRST_PAIR, NEAR, OFFSETS, OUTSIDE
 from layoutexplore.layout.merging.separator.planes import fine_index, square_middles
 
 MOST = 4.0
@@ -68,7 +68,7 @@ def _add_pairs(
                 b = at[rr, cc]
                 if b == 0:
                     continue
-                value = min(max(odds[r, c, 3 + k], -MOST), MOST)
+                value = min(max(odds[r, c, FIRST_PAIR + k], -MOST), MOST)
                 if a == b:
                     if k >= NEAR:
                         nodes[a, NODE.alike] += value

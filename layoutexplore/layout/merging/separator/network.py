@@ -16,7 +16,7 @@ import numpy as np
 from layoutexplore.grids.arrays import Cells, Floats32, Ints32, Mask
 from layoutexplore.layout.limits import MOST_PLACES
 from layoutexplore.layout.merging.separator.planes import DEPTH, FINE, KINDS, PATCH, network_input
-from layoutexplore.models.convolution import convolve
+from layoutexplore.models.convolution import run_layer
 from layoutexplore.models.network_files import Layers, load_weights, shapes_of
 
 NETWORK_PATH = Path(__file__).with_name("separator_network.safetensors")
@@ -94,7 +94,7 @@ class SeparatorNetwork:
         odds[..., :FIRST_PAIR] += turned[..., :FIRST_PAIR]
         for k, (up, right) in enumerate(OFFSETS, FIRST_PAIR):
             # of a pair that is turned, the other square comes first
-            here, there = _ends(up, right, odds.shape[0], odds.shape[1])
+            here, there = pair_ends(up, right, odds.shape[0], odds.shape[1])
             odds[(*here, k)] += turned[(*there, k)]
         odds *= 0.5
         return odds
@@ -111,20 +111,16 @@ class SeparatorNetwork:
             ("from_half", full, "up_full"),
         ):
             low = self._layer(at, self._layer(smaller, low).repeat(2, axis=0).repeat(2, axis=1) + skipped)
-        found = self._layer("judge", low, last=True)
+        found = self._layer("judge", low)
         rows, cols = found.shape[:2]
         found = found.reshape(rows, cols, 2, 2, OUTPUTS).transpose(0, 2, 1, 3, 4)
         return np.ascontiguousarray(found).reshape(2 * rows, 2 * cols, OUTPUTS)
 
-    def _layer(self, name: str, values: Floats32, last: bool = False) -> Floats32:
-        """One convolution of values (rows, cols, channels), padded with zeros."""
-        _, _, side, stride = LAYERS[name]
-        found = convolve(values, self.weights[f"{name}.weight"], side, stride)
-        found += self.weights[f"{name}.bias"]
-        return found if last else np.maximum(found, 0.0, out=found)
+    def _layer(self, name: str, values: Floats32) -> Floats32:
+        return run_layer(name, values, LAYERS, self.weights)
 
 
-def _ends(up: int, right: int, rows: int, cols: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+def pair_ends(up: int, right: int, rows: int, cols: int) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
     """The squares of which the one so many rows and columns on is there, too; and those ones."""
     here = slice(0, max(rows - up, 0)), slice(max(-right, 0), max(cols - max(right, 0), 0))
     there = slice(up, rows), slice(max(right, 0), max(cols - max(-right, 0), 0))
@@ -134,5 +130,4 @@ def _ends(up: int, right: int, rows: int, cols: int) -> tuple[tuple[slice, slice
 @lru_cache(maxsize=1)
 def load_separator(path: Path = NETWORK_PATH) -> SeparatorNetwork:
     """The shipped network."""
-    weights = load_weights(path, shapes_of(LAYERS), "separator network")
-    return SeparatorNetwork({name: np.asarray(values, np.float32) for name, values in weights.items()})
+    return SeparatorNetwork(load_weights(path, shapes_of(LAYERS), "separator network"))
