@@ -53,7 +53,7 @@ class LookingAround:
         self._with_any_lidar = with_any_lidar
         self._goal: Frontier | CellPath | Walk | None = None
         self._known = 0
-        self._aim: Cell | None = None
+        self._aim: tuple[float, float] | None = None
         self._turned = False
 
     def forget(self) -> None:
@@ -90,15 +90,16 @@ class LookingAround:
         self._goal = None
         if not self.pays(decision):
             return choice
+        elsewhere = False
         if isinstance(choice, PATHS):
             path = path_of(choice)
         elif choice == STOP:
             return choice
         else:
-            path = decision.field.path_to(self._aim_at(decision, choice))
+            aim = self._aim_at(decision, choice)
+            path, elsewhere = decision.field.path_to(aim), aim != decision.frontiers[choice].viewpoint
         steps = first_steps(path, decision.grid.resolution, self.every)
         if steps is None:
-            elsewhere = not isinstance(choice, PATHS) and self._aim != decision.frontiers[choice].viewpoint
             return path if elsewhere and len(path) > 1 else choice
         self._goal = choice if isinstance(choice, PATHS) else decision.frontiers[choice]
         self._known = _known(decision)
@@ -111,19 +112,19 @@ class LookingAround:
         with a little more seen on the other. A robot that has once turned round for it turns no more while
         there is a part of it where it is going.
         """
-        last, view = self._aim, Cell(*decision.viewpoints[choice].tolist())
-        metre = 1 / decision.grid.resolution
-        self._aim = view
-        if last is None or math.dist(last, view) <= JUMP * metre:
+        grid, view = decision.grid, Cell(*decision.viewpoints[choice].tolist())
+        last, self._aim = self._aim, grid.cell_to_world(*view)
+        if last is None or math.dist(last, self._aim) <= JUMP:
             return view
         cells = decision.frontiers[choice].cells
         cells = cells[decision.traversable[cells[:, 0], cells[:, 1]]]
-        away = np.hypot(*(cells - np.array(last)).T)
-        goes_on = len(cells) > 0 and bool(away.min() <= ON_IT * metre)
+        away = np.linalg.norm(grid.cells_to_world(cells) - last, axis=1)
+        goes_on = len(cells) > 0 and bool(away.min() <= ON_IT)
         if goes_on and self._turned:
-            self._aim = Cell(*cells[away.argmin()].tolist())
+            view = Cell(*cells[away.argmin()].tolist())
+            self._aim = grid.cell_to_world(*view)
         self._turned = goes_on
-        return self._aim
+        return view
 
     def pays(self, decision: Decision) -> bool:
         """Whether a stop is worth it, and the look costs nothing."""
