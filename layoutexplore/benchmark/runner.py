@@ -48,7 +48,7 @@ from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.options import JOBS, check_kind
 from layoutexplore.plugins.transport import NO_CODE, OwnCode, pack_own_code
 from layoutexplore.processes import asked_to_stop
-from layoutexplore.processes.kernel_list import compile_kernels, missing_kernels
+from layoutexplore.processes.kernel_list import compile_kernels, missing_kernels, uses_of_runs
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play, run_seed
 from layoutexplore.simulation.state import raster_of
@@ -320,10 +320,8 @@ def _beyond_memory(config: BenchmarkConfig, taken: float) -> str:
 
 
 def uses_of(config: BenchmarkConfig, predicts: bool) -> set[str]:
-    """What a benchmark needs of what the list of kernels knows; own agents and sensors it does not know."""
-    uses = {"a floor plan", *(f"sensor {name}" for name in config.sensors)}
-    uses |= {f"agent {name.partition(':')[0]}" for name in config.agents}
-    return uses | {"a whole exploration"} if predicts else uses
+    """What a benchmark needs of what the list of kernels knows."""
+    return uses_of_runs(config.agents, config.sensors, predicts=predicts)
 
 
 def _loaded(config: BenchmarkConfig, jobs: int, predicts: bool, watcher: BenchmarkWatcher) -> list[PlanEntry]:

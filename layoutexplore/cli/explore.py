@@ -190,16 +190,14 @@ def _uses(agent: str, settings: SimulationConfig) -> set[str]:
     """What a run needs of what the list of kernels knows."""
     from layoutexplore.agents import make_agent
     from layoutexplore.frontiers.decision import predictor_of
+    from layoutexplore.processes.kernel_list import uses_of_runs
     from layoutexplore.simulation.config import SimulationConfig
     from layoutexplore.simulation.state import is_noisy
 
-    uses = {"a floor plan", f"agent {agent.partition(':')[0]}"}
-    predictor = predictor_of(make_agent(agent))
-    if predictor != "none":
-        uses.add("a prior plan" if str(predictor).startswith("prior:") else "a whole exploration")
-    if is_noisy(settings) or settings.lidar.name != SimulationConfig().lidar.name:
-        uses.add(f"sensor {settings.lidar.name}")
-    return uses
+    sensor, predictor = settings.lidar.name, predictor_of(make_agent(agent))
+    plain = sensor == SimulationConfig().lidar.name and not is_noisy(settings)
+    uses = uses_of_runs([agent], [] if plain else [sensor], predicts=predictor != "none")
+    return uses | {"a prior plan"} if str(predictor).startswith("prior:") else uses
 
 
 def _has_come(metres: float | None, simulation: Simulation) -> bool:

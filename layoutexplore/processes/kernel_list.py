@@ -71,6 +71,18 @@ def missing_kernels(uses: Iterable[str]) -> list[Kernel]:
     return [kernel for kernel in listed_kernels(uses) if not is_kept(kernel)]
 
 
+def uses_of_runs(agents: Iterable[str], sensors: Iterable[str], *, predicts: bool) -> set[str]:
+    """What explorations need of what the list knows; own agents and sensors it does not know.
+
+    Args:
+        agents: Their agents, with or without options.
+        sensors: Their lidars.
+        predicts: Whether rooms are predicted.
+    """
+    uses = {f"agent {agent.partition(':')[0]}" for agent in agents} | {f"sensor {name}" for name in sensors}
+    return uses | {"a floor plan"} | ({"a whole exploration"} if predicts else set())
+
+
 def listed_kernels(uses: Iterable[str]) -> list[Kernel]:
     """The kernels of the list that some of these uses need; none comes before one that it calls."""
     listed, wanted = _read(), set(uses)
