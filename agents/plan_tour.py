@@ -21,7 +21,8 @@ from layoutexplore.agents.omniscient.route_planner import (
     RouteConfig,
     RoutePlanner,
 )
-from layoutexplore.agents.room_aware import LayoutTourOptions, LookingTour
+from layoutexplore.agents.room_aware import LookingTour
+from layoutexplore.agents.watchful_tour import DoubtfulTourOptions, plan_watchful_tour
 from layoutexplore.frontiers.decision import Choice, Decision, Walk
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Ints32
@@ -64,7 +65,7 @@ MUCH = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanTourOptions(LayoutTourOptions):
+class PlanTourOptions(DoubtfulTourOptions):
     """Parameters of `PlanTour`."""
 
     sure: float = option(
@@ -88,12 +89,12 @@ class PlanTourOptions(LayoutTourOptions):
 
 
 class PlanTour(LookingTour[PlanTourOptions]):
-    """The first stop of a route over known and foreseen space; as `layout-tour` where nothing is foreseen."""
+    """The first stop of a route over known and foreseen space; as `watchful-tour` where nothing is foreseen."""
 
     remembers = True
 
     def __init__(self, name: str, options: PlanTourOptions) -> None:
-        super().__init__(name, options, LookingAround(options.look_every))
+        super().__init__(name, options, LookingAround(options.look_every, with_any_lidar=True))
         self.reset(0)
 
     def forget_cells(self) -> None:
@@ -106,14 +107,14 @@ class PlanTour(LookingTour[PlanTourOptions]):
         self._aims: set[Cell] = set()
 
     def plans_anew(self, decision: Decision) -> bool:
-        """Whether anything is foreseen: what was seen on the way is held against it."""
-        return self._relied_on(decision) is not None
+        """Always: what was seen on the way is held against what is foreseen, and against the tour."""
+        return True
 
     def plan(self, decision: Decision) -> Choice:
         """A path to the first stop, or the frontier that it stands for or that is in the way."""
         foresight = self._relied_on(decision)
         choice = None if foresight is None else self._follow(decision, foresight)
-        return super().plan(decision) if choice is None else choice
+        return int(plan_watchful_tour(decision, self.options)[0]) if choice is None else choice
 
     def _relied_on(self, decision: Decision) -> Foresight | None:
         """What is foreseen, where the agent is sure enough of it."""
@@ -226,7 +227,7 @@ def _frontier_near(decision: Decision, cell: Ints32) -> int | None:
 
 register(
     "plan-tour",
-    "a route over known and foreseen space; layout-tour where nothing is foreseen",
+    "a route over known and foreseen space; watchful-tour where nothing is foreseen",
     PlanTour,
     PlanTourOptions(),
 )

@@ -27,8 +27,8 @@ from layoutexplore.simulation.looking_around import LookingAround
 
 
 @dataclass(frozen=True, kw_only=True)
-class WatchfulTourOptions(RoomAwareTourOptions):
-    """Parameters of `WatchfulTour`."""
+class DoubtfulTourOptions(RoomAwareTourOptions):
+    """Parameters of tours that are planned anew after every few steps."""
 
     patience: float = option(
         2.5, "weight of the tour's length against the mean way to a square metre", low=0.0
@@ -38,6 +38,12 @@ class WatchfulTourOptions(RoomAwareTourOptions):
         "m2 to be expected of a closed frontier, as its class may be wrong, from which on it does not wait",
         low=0.0,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class WatchfulTourOptions(DoubtfulTourOptions):
+    """Parameters of `WatchfulTour`."""
+
     step: float = option(0.5, "metres after which the robot looks around and plans anew", low=0.2)
 
 
@@ -56,7 +62,7 @@ class WatchfulTour(LookingTour[WatchfulTourOptions]):
         return int(plan_watchful_tour(decision, self.options)[0])
 
 
-def plan_watchful_tour(decision: Decision, options: WatchfulTourOptions) -> Ints:
+def plan_watchful_tour(decision: Decision, options: DoubtfulTourOptions) -> Ints:
     """An open tour from the robot over the frontiers that need not wait.
 
     Args:
