@@ -89,7 +89,7 @@ class PlanTourOptions(DoubtfulTourOptions):
 
 
 class PlanTour(LookingTour[PlanTourOptions]):
-    """The first stop of a route over known and foreseen space; as `watchful-tour` where nothing is foreseen."""
+    """The first stop of a route over known and foreseen space; that of `watchful-tour` without foresight."""
 
     remembers = True
 

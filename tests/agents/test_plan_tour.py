@@ -163,7 +163,7 @@ def test_low_confidence_is_no_foresight_where_more_is_asked_for() -> None:
     doubtful = Drawn(lambda cells: cells, confidence=0.4)
     without = explore(offices(), "plan-tour", None)
     assert np.array_equal(explore(offices(), "plan-tour:sure=0.5", doubtful).track, without.track)
-    assert np.array_equal(without.track, unforeseen("layout-tour").track)
+    assert np.array_equal(without.track, unforeseen("watchful-tour").track)
     assert not np.array_equal(explore(offices(), "plan-tour", doubtful).track, without.track)
 
 
