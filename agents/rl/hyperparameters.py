@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import functools
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -388,6 +389,7 @@ def _build(algorithm: str, table: dict[str, Any]) -> TrainingConfig:
     return TrainingConfig(algorithm=algorithm, **parts, **table)
 
 
+@functools.cache
 def _defaults() -> dict[str, dict[str, Any]]:
     return read_toml(DEFAULTS)
 

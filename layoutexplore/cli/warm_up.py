@@ -87,6 +87,7 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
     from layoutexplore.benchmark.config import QUICK_AGENTS
     from layoutexplore.benchmark.plans import warm_up_plan
     from layoutexplore.closed_doors.prediction import predict_closed_rooms
+    from layoutexplore.importing.cleaning import without_noise
     from layoutexplore.layout.pipeline import METHOD_MODULES, reconstruct
     from layoutexplore.sensing.lidar import SENSORS
     from layoutexplore.simulation.config import SimulationConfig
@@ -110,6 +111,9 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
     for name in (*PREDICTORS, *(f"reconstruct:{method}" for method in METHOD_MODULES)):
         yield f"predictor {name}", partial(_predict, name)
     yield "closed doors", partial(_on_map, predict_closed_rooms)
+    config = SimulationConfig(sensor="indoor", resolution=0.01)  # path lengths come from the map's corners
+    yield "a large map", partial(_explore, _apartment, config, "nearest")
+    yield "a recorded map", partial(_on_map, without_noise)
 
 
 def _apartment() -> FloorPlan:

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import scipy  # its parts are loaded where they are used
 from numba import njit
-from scipy import linalg
 
 from layoutexplore.grids.arrays import Floats, Floats32
 from layoutexplore.grids.grid import Pose
@@ -147,7 +147,7 @@ def bent(
     for _ in range(rounds):
         lower, right = _smoothness(rows, cols, stiffness)
         _add_walls(lower, right, walls, linear, lattice, _of(fields))
-        found = linalg.solveh_banded(lower, right, overwrite_ab=True, lower=True, check_finite=False)
+        found = scipy.linalg.solveh_banded(lower, right, overwrite_ab=True, lower=True, check_finite=False)
         lattice = lattice._replace(shifts=_by_place(found, rows, cols))
     return WarpedPlacement(placed.placement, lattice), _cost(lattice.shifts, stiffness)
 

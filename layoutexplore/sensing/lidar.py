@@ -23,6 +23,7 @@ import math
 import weakref
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -209,6 +210,10 @@ class Lidar:
         self.resolution = float(resolution)
         self.origin = Pose(*origin)
         self.padded_clearance = clearance_field(occupied)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.padded_clearance.setflags(write=False)  # a copy's is not: kernels would be compiled for it, too
 
     @property
     def clearance(self) -> Bytes:

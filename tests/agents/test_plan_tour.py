@@ -19,7 +19,6 @@ from layoutexplore.frontiers.viewpoints import remaining_share
 from layoutexplore.grids.arrays import Cells
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.maps.floorplan import FloorPlan
-from layoutexplore.maps.library import load_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import OraclePredictor, make_predictor
 from layoutexplore.predictors.robot_map import RobotMap
@@ -226,7 +225,7 @@ def test_what_is_given_up_is_asked_for_no_longer() -> None:
 )
 def test_certain_foresight_has_a_weight_of_its_own(confidence: float, used: str, unused: str) -> None:
     def run(agent: str) -> Simulation:
-        return explore(load_plan("office-01"), agent, Drawn(lambda cells: cells, confidence))
+        return explore(offices(), agent, Drawn(lambda cells: cells, confidence))
 
     track = run("plan-tour").track
     assert np.array_equal(track, run(f"plan-tour:{unused}=50").track)

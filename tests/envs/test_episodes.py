@@ -221,7 +221,7 @@ def test_stopping_early_can_be_ruled_out() -> None:
 
 def test_looking_around_is_choosing_as_a_policy_that_does() -> None:
     agent = make_agent("policy")
-    options = {"plan": "office-01", "sensor": "stage", "predictor": "layout"}
+    options = {"plan": "apartment-01", "sensor": "stage", "predictor": "layout"}
     env = make(FRONTIER, look_every=0.5, **options).unwrapped
     for seed in (0, 1):
         _, info = env.reset(seed=seed)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import math
+import pickle
+from collections.abc import Callable
 from fractions import Fraction
 
 import cv2
@@ -161,6 +164,15 @@ def test_lidars_over_one_read_only_world_share_their_clearance() -> None:
     first, second = (Lidar(SENSORS[name], world, 0.1, ORIGIN) for name in ("short", "indoor"))
     assert first.padded_clearance is second.padded_clearance
     assert not first.padded_clearance.flags.writeable
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda lidar: pickle.loads(pickle.dumps(lidar))])
+def test_the_clearance_of_a_copy_is_read_only_too(duplicate: Callable[[Lidar], Lidar]) -> None:
+    """Kernels are compiled for what may be written to and for what may not: a copy needs the same ones."""
+    lidar = Lidar(LidarConfig(range_max=5.0, fov=1.0, beams=4), np.zeros((5, 5), bool), 1.0, Pose(0, 0))
+    other = duplicate(lidar)
+    assert not other.padded_clearance.flags.writeable
+    assert np.array_equal(other.scan(Pose(1.5, 2.5)), lidar.scan(Pose(1.5, 2.5)))
 
 
 def test_a_writeable_world_is_read_afresh() -> None:

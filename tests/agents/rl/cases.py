@@ -40,7 +40,7 @@ SMALL_SEARCH: dict[str, Any] = {
     "sensors": ["indoor"],
     "generator": {"area": [100.0, 110.0]},
     "search": {"round": 8, "pairs": 2},
-    "evaluation": {"every": 8, "plans": ["apartment:900002"], "starts": 1, "references": ["nearest"]},
+    "evaluation": {"every": 8, "plans": ["apartment:900006"], "starts": 1, "references": ["nearest"]},
 }
 
 
