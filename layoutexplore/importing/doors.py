@@ -1,13 +1,14 @@
-"""Wider doors: walls of recorded maps are thick, and leave hardly two thirds of a door of 0.9 m."""
+"""Wider doors, for thick walls of recorded maps leave hardly two thirds of one of 0.9 m; and new ones."""
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import shapely
 
-from layoutexplore.errors import ConfigError, checks_arguments
+from layoutexplore.errors import ConfigError, MapWarning, checks_arguments, counted
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan
 
@@ -16,6 +17,9 @@ NARROWEST, WIDEST = 0.35, 3.0
 
 STEP = 0.03
 """Metres in which a door grows."""
+
+LEAST_GAP = 0.01
+"""Metres; what is narrower than twice this is no way through a wall."""
 
 TOUCH = 0.06
 """A door keeps so far from rooms that it does not join [m]."""
@@ -49,6 +53,37 @@ def widen_doors(plan: FloorPlan, width: float) -> FloorPlan:
         passages=shapely.union_all([plan.passages, *polygons_of(plan.walls.intersection(cut))]),
         source=None,
     )
+
+
+@checks_arguments
+def through_walls(plan: FloorPlan) -> FloorPlan:
+    """The plan with doors that its walls shut cut through these, as doors that somebody has drawn into it.
+
+    Warns:
+        MapWarning: How many there were.
+    """
+    shut = [door for door in plan.doors if door.is_open and not _joins(door, plan)]
+    if not shut:
+        return plan
+    warnings.warn(
+        f"{plan.name}: {counted(len(shut), 'door')} had no gap in the walls, which are cut there now",
+        MapWarning,
+        stacklevel=2,
+    )
+    cut = shapely.union_all([plan.opening(door) for door in shut])
+    return replace(plan, walls=plan.walls.difference(cut))
+
+
+def _joins(door: Door, plan: FloorPlan) -> bool:
+    """Whether walls leave a way between the rooms of a door; one that lies far from them is not asked."""
+    opening = plan.opening(door)
+    rooms = [room.polygon for room in plan.rooms if room.id in door.rooms]
+    if not all(opening.intersects(room) for room in rooms):
+        return True
+    walls = shapely.clip_by_rect(plan.walls, *opening.bounds)  # thousands of doors may share one wall
+    left = opening.difference(walls if walls.is_valid else plan.walls).buffer(-LEAST_GAP)
+    parts = polygons_of(left.buffer(LEAST_GAP))
+    return any(all(part.dwithin(room, LEAST_GAP) for room in rooms) for part in parts)
 
 
 class _Others:
