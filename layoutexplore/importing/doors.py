@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
+from shapely import LineString, Polygon
 
 from layoutexplore.errors import ConfigError, MapWarning, checks_arguments, counted
 from layoutexplore.grids.polygons import polygons_of
@@ -57,16 +58,21 @@ def widen_doors(plan: FloorPlan, width: float) -> FloorPlan:
 
 @checks_arguments
 def through_walls(plan: FloorPlan) -> FloorPlan:
-    """The plan with doors that its walls shut cut through these, as doors that somebody has drawn into it.
+    """The plan with doors cut through its walls that these shut or narrow, as somebody has drawn them.
 
     Warns:
         MapWarning: How many there were.
     """
-    shut = [door for door in plan.doors if door.is_open and not _joins(door, plan)]
+    rooms = {room.id: room.polygon for room in plan.rooms}
+    shut = [
+        door
+        for door in plan.doors
+        if door.is_open and not _is_clear(door, plan, [rooms[k] for k in door.rooms if k in rooms])
+    ]
     if not shut:
         return plan
     warnings.warn(
-        f"{plan.name}: {counted(len(shut), 'door')} had no gap in the walls, which are cut there now",
+        f"{plan.name}: {counted(len(shut), 'door')} had no gap as wide in the walls, which are cut there now",
         MapWarning,
         stacklevel=2,
     )
@@ -74,14 +80,16 @@ def through_walls(plan: FloorPlan) -> FloorPlan:
     return replace(plan, walls=plan.walls.difference(cut))
 
 
-def _joins(door: Door, plan: FloorPlan) -> bool:
-    """Whether walls leave a way between the rooms of a door; one that lies far from them is not asked."""
+def _is_clear(door: Door, plan: FloorPlan, rooms: list[Polygon]) -> bool:
+    """Whether walls leave a way as wide as a door between its rooms; one far from them counts as clear."""
     opening = plan.opening(door)
-    rooms = [room.polygon for room in plan.rooms if room.id in door.rooms]
     if not all(opening.intersects(room) for room in rooms):
         return True
     walls = shapely.clip_by_rect(plan.walls, *opening.bounds)  # thousands of doors may share one wall
-    left = opening.difference(walls if walls.is_valid else plan.walls).buffer(-LEAST_GAP)
+    walls = walls if walls.is_valid else plan.walls
+    if 0 not in door.rooms and LineString([door.start, door.end]).intersection(walls).length > TOUCH:
+        return False
+    left = opening.difference(walls).buffer(-LEAST_GAP)
     parts = polygons_of(left.buffer(LEAST_GAP))
     return any(all(part.dwithin(room, LEAST_GAP) for room in rooms) for part in parts)
 

@@ -83,10 +83,13 @@ def test_a_door_that_somebody_has_drawn_is_cut_through_the_walls(tmp_path: Path)
     plan = three_rooms(door_at((1.2, 3.15), (2.0, 3.15), (1, 2)))
     shut = replace(door_at((2.2, 3.15), (2.8, 3.15), (1, 2)), is_open=False)
     plan = replace(plan, doors=(*plan.doors, drawn, shut))
-    with pytest.warns(MapWarning, match="1 door had no gap in the walls"):
+    with pytest.warns(MapWarning, match="1 door had no gap as wide in the walls"):
         mended = through_walls(plan)
     assert plan.walls.area - mended.walls.area == pytest.approx(1.0 * 0.3)
     assert through_walls(mended) is mended
+    longer = replace(mended, doors=(plan.doors[0], replace(drawn, end=(5.4, 3.15)), shut))
+    with pytest.warns(MapWarning, match="1 door had no gap as wide"):
+        assert mended.walls.area - through_walls(longer).walls.area == pytest.approx(0.4 * 0.3)
     save_plan(plan, tmp_path / "plan.geojson")
     words = ["maps", "import", str(tmp_path / "plan.geojson"), "--out", str(tmp_path / "plan.geojson")]
     with pytest.warns(MapWarning, match="had no gap"):
