@@ -13,6 +13,7 @@ from layoutexplore.errors import ConfigError, checks_calls
 from layoutexplore.frontiers.decision import STOP, Agent, Choice, Decision
 from layoutexplore.options import SEED, Options, check_kind
 from layoutexplore.plugins.registry import Description, Registry
+from layoutexplore.plugins.signatures import check_takes
 
 OptionsT = TypeVar("OptionsT", bound=Options)
 
@@ -63,9 +64,11 @@ def _accept(name: str, made: Any) -> Agent:
     Raises:
         ConfigError: It cannot be reset or asked.
     """
-    for method in ("reset(seed)", "act(decision)"):
-        if not callable(getattr(made, method.partition("(")[0], None)):
-            raise ConfigError(f"agent {name!r} is a {type(made).__name__}, which has no {method}")
+    for method, argument in (("reset", "seed"), ("act", "decision")):
+        asked = getattr(made, method, None)
+        if not callable(asked):
+            raise ConfigError(f"agent {name!r} is a {type(made).__name__}, which has no {method}({argument})")
+        check_takes(asked, argument, f"agent {name!r}: its {method}")
     if not isinstance(getattr(made, "name", None), str):
         try:
             object.__setattr__(made, "name", name)  # a frozen dataclass takes it, too

@@ -44,6 +44,9 @@ WALL_REACH = 0.75
 MOST_OF_HALF = 0.45
 """Of the width of a door, on either side of its middle: so much at least lies between its two rooms."""
 
+LEAST_WALL = 0.06
+"""Metres; rooms whose outlines lie farther apart than this leave room for their walls."""
+
 _LEAST_PASSAGE = 0.6
 _TOUCH = 0.02
 
@@ -65,6 +68,7 @@ def plan_from_outlines(
     building: str = "",
     metadata: Mapping[str, str] | None = None,
     walls: Sequence[LineString] = (),
+    may_be_faces: bool = False,
 ) -> FloorPlan:
     """A floor plan of rooms that share their outlines.
 
@@ -76,6 +80,7 @@ def plan_from_outlines(
         building: The building's name.
         metadata: Where it comes from.
         walls: Further lines in the middle of walls.
+        may_be_faces: Outlines of rooms that lie as far apart as walls are thick are the faces of the walls.
 
     Raises:
         MapError: There is no room, or there are more rooms, doors, corners or crossings than the limits.
@@ -99,7 +104,7 @@ def plan_from_outlines(
     shapes = list(outlines.values())
     # Distances are measured in C, ten of them a microsecond.
     check_work(name, "doors and rooms", 0.1 * len(openings) * shapely.get_num_coordinates(shapes).sum())
-    solid = walls_along(shapes, name, walls)
+    solid = walls_along(shapes, name, walls, may_be_faces=may_be_faces)
     rooms, scraps = floors_between(dict(outlines), solid, {k: labels.get(k, "") for k in outlines})
     rings = shapely.STRtree([rings_of(outline) for outline in shapes])
     shapely.prepare([*rings.geometries, *shapes])
@@ -205,8 +210,12 @@ def rings_of(outline: Polygon) -> BaseGeometry:
     return shapely.MultiLineString([outline.exterior, *outline.interiors])
 
 
-def walls_along(outlines: list[Polygon], name: str, further: Sequence[LineString] = ()) -> BaseGeometry:
+def walls_along(
+    outlines: list[Polygon], name: str, further: Sequence[LineString] = (), *, may_be_faces: bool = False
+) -> BaseGeometry:
     """Walls along all outlines of the plan of a name and further lines, and the slits between its rooms.
+
+    Where outlines may be faces and most of them lie apart, walls are around the rooms instead.
 
     Raises:
         MapError: The outlines lie so close to each other that walls of this thickness are a single tangle.
@@ -217,9 +226,21 @@ def walls_along(outlines: list[Polygon], name: str, further: Sequence[LineString
     check_crowding(name, [rooms], CLOSED_GAP)
     half = CLOSED_GAP / 2
     slits = rooms.buffer(half, join_style="mitre").buffer(-half, join_style="mitre").difference(rooms)
-    return shapely.union_all(
-        [lines.buffer(WALL_THICKNESS / 2, cap_style="square", join_style="mitre", mitre_limit=2.0), slits]
-    )
+    if may_be_faces and _are_apart(outlines, slits):
+        around = rooms.buffer(WALL_THICKNESS, join_style="mitre", mitre_limit=2.0)
+        return around.union(slits).difference(rooms)
+    drawn = lines.buffer(WALL_THICKNESS / 2, cap_style="square", join_style="mitre", mitre_limit=2.0)
+    return shapely.union_all([drawn, slits])
+
+
+def _are_apart(outlines: list[Polygon], slits: BaseGeometry) -> bool:
+    """Whether rooms leave room for their walls: they have slits as thick as walls, and share few borders."""
+    if slits.length == 0.0 or 2.0 * slits.area / slits.length < LEAST_WALL:  # of a long strip its width
+        return False
+    rings = [rings_of(outline) for outline in outlines]
+    whole = float(shapely.length(rings).sum())
+    shared = whole - shapely.union_all(rings).length
+    return bool(slits.length > 0.2 * whole and shared < 0.05 * whole)
 
 
 def floors_between(

@@ -24,7 +24,7 @@ from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.networks.training_state import chosen_device
 from layoutexplore.agents.rl.torch_policy_files import save_policy
-from layoutexplore.errors import ResultsError, checks_making
+from layoutexplore.errors import ResultsError, WorkerError, checks_making
 from layoutexplore.files import atomic, to_toml, write_atomically
 from layoutexplore.processes import command_line, more_time
 
@@ -196,7 +196,7 @@ class TrainingRun:
 
     @contextmanager
     def stop_on_signal(self) -> Iterator[None]:
-        """The first Ctrl-C asks to stop after this step; a second one stops at once."""
+        """The first Ctrl-C asks to stop after this step; a second one, or the workers' end, stops at once."""
 
         def ask(number: int, frame: FrameType | None) -> None:
             if self.stopping:
@@ -211,6 +211,9 @@ class TrainingRun:
         try:
             with more_time(CHECKPOINT_TIME):
                 yield
+        except WorkerError:
+            if not self.stopping:  # a cluster asks all processes of a job to end, the workers, too
+                raise
         finally:
             for number, handler in previous.items():
                 signal.signal(number, handler)

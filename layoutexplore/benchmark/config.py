@@ -203,6 +203,9 @@ def read_benchmark_config(path: str | os.PathLike[str]) -> dict[str, Any]:
     path = Path(path)
     table = read_toml(path)
     known = [f.name for f in dataclasses.fields(BenchmarkConfig) if f.name != "again"]
+    inner = {f.name for f in dataclasses.fields(SimulationConfig)}
+    if misplaced := sorted(inner.difference(known, ["sensor"]).intersection(table)):
+        raise ConfigError(f"{path}: {shortened(misplaced[0])} stands under [simulation]")
     check_keys(table, known, str(path))
     table |= _tables(table, str(path))
     for name in ("plans", "sensors", "agents"):

@@ -72,7 +72,8 @@ Explain = Annotated[
 ConfigFile = Annotated[
     Path | None,
     typer.Option(
-        help="TOML file with any of these options, and the tables \\[simulation] and \\[lidars.NAME]."
+        help="TOML file of plans, starts, agents, sensors, seed, baseline, explain and limits of a run, and "
+        "the tables \\[simulation] (noise, for one), \\[lidars.NAME], \\[poses]. Options here come first."
     ),
 ]
 

@@ -21,6 +21,7 @@ def register(app: typer.Typer) -> None:
         from layoutexplore.files import check_places
 
         check_places(out)
+        typer.echo("building the site (about a minute)", err=True)
         typer.echo(f"written: {build_site(out, typer.main.get_command(app))}")
         typer.echo(
             f"browsers search only what is served: python -m http.server --directory {quote(str(out))}"

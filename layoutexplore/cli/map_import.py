@@ -166,7 +166,9 @@ def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str
     """The building of a map or image with rooms found in it, or of a floor plan as it is."""
     from layoutexplore.errors import ConfigError
     from layoutexplore.importing.building import building_of_plan, import_building
+    from layoutexplore.importing.doors import through_walls
     from layoutexplore.maps import load_plan
+    from layoutexplore.maps.geojson import is_saved_plan
     from layoutexplore.maps.library import shows_rooms
 
     if shows_rooms(source):
@@ -176,7 +178,7 @@ def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str
             raise ConfigError(
                 f"{source} has rooms of its own: --rooms, which finds them, means nothing for it"
             )
-        return building_of_plan(plan)
+        return building_of_plan(through_walls(plan) if is_saved_plan(source) else plan)
     if columns:
         raise ConfigError(f"{source} is a picture: --column is for GeoJSON")
     return import_building(source, config, method=rooms)

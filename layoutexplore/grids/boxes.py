@@ -20,7 +20,8 @@ def known_box(cells: Cells, margin: int = 0) -> tuple[int, int, int, int]:
         >>> known_box(np.array([[-1, -1, -1], [-1, 0, 100], [-1, -1, -1]], np.int8))
         (1, 2, 1, 3)
     """
-    box = _box_without(np.ascontiguousarray(cells, np.int8), np.int8(UNKNOWN))
+    # Of a read-only array the kernel would be compiled once more.
+    box = _box_without(np.require(cells, np.int8, ("C", "W")), np.int8(UNKNOWN))
     return grown_box(box, margin, cells.shape) if box[1] else box
 
 
@@ -34,7 +35,7 @@ def true_box(mask: Mask) -> tuple[int, int, int, int]:
         >>> true_box(np.array([[False, False, False], [False, True, True]]))
         (1, 2, 1, 3)
     """
-    return _box_without(np.ascontiguousarray(mask).view(np.int8), np.int8(0))
+    return _box_without(np.require(mask, requirements=("C", "W")).view(np.int8), np.int8(0))
 
 
 def window(mask: Mask, margin: int = 0) -> tuple[slice, slice]:

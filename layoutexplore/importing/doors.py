@@ -1,13 +1,15 @@
-"""Wider doors: walls of recorded maps are thick, and leave hardly two thirds of a door of 0.9 m."""
+"""Wider doors, for thick walls of recorded maps leave hardly two thirds of one of 0.9 m; and new ones."""
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import shapely
+from shapely import LineString, Polygon
 
-from layoutexplore.errors import ConfigError, checks_arguments
+from layoutexplore.errors import ConfigError, MapWarning, checks_arguments, counted
 from layoutexplore.grids.polygons import polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan
 
@@ -16,6 +18,9 @@ NARROWEST, WIDEST = 0.35, 3.0
 
 STEP = 0.03
 """Metres in which a door grows."""
+
+LEAST_GAP = 0.01
+"""Metres; what is narrower than twice this is no way through a wall."""
 
 TOUCH = 0.06
 """A door keeps so far from rooms that it does not join [m]."""
@@ -49,6 +54,44 @@ def widen_doors(plan: FloorPlan, width: float) -> FloorPlan:
         passages=shapely.union_all([plan.passages, *polygons_of(plan.walls.intersection(cut))]),
         source=None,
     )
+
+
+@checks_arguments
+def through_walls(plan: FloorPlan) -> FloorPlan:
+    """The plan with doors cut through its walls that these shut or narrow, as somebody has drawn them.
+
+    Warns:
+        MapWarning: How many there were.
+    """
+    rooms = {room.id: room.polygon for room in plan.rooms}
+    shut = [
+        door
+        for door in plan.doors
+        if door.is_open and not _is_clear(door, plan, [rooms[k] for k in door.rooms if k in rooms])
+    ]
+    if not shut:
+        return plan
+    warnings.warn(
+        f"{plan.name}: {counted(len(shut), 'door')} had no gap as wide in the walls, which are cut there now",
+        MapWarning,
+        stacklevel=2,
+    )
+    cut = shapely.union_all([plan.opening(door) for door in shut])
+    return replace(plan, walls=plan.walls.difference(cut))
+
+
+def _is_clear(door: Door, plan: FloorPlan, rooms: list[Polygon]) -> bool:
+    """Whether walls leave a way as wide as a door between its rooms; one far from them counts as clear."""
+    opening = plan.opening(door)
+    if not all(opening.intersects(room) for room in rooms):
+        return True
+    walls = shapely.clip_by_rect(plan.walls, *opening.bounds)  # thousands of doors may share one wall
+    walls = walls if walls.is_valid else plan.walls
+    if 0 not in door.rooms and LineString([door.start, door.end]).intersection(walls).length > TOUCH:
+        return False
+    left = opening.difference(walls).buffer(-LEAST_GAP)
+    parts = polygons_of(left.buffer(LEAST_GAP))
+    return any(all(part.dwithin(room, LEAST_GAP) for room in rooms) for part in parts)
 
 
 class _Others:

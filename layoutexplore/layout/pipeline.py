@@ -18,6 +18,7 @@ from layoutexplore.layout.timing import StageTimer
 from layoutexplore.layout.types import Layout
 from layoutexplore.options import Rule, check_kind, rule_like
 from layoutexplore.plugins.registry import Entry, Registry
+from layoutexplore.plugins.signatures import check_takes
 
 
 def reconstruct(grid: OccupancyGrid, method: str = "default", config: Any = None) -> Layout:
@@ -179,8 +180,10 @@ def _accept(name: str, run: Any) -> Callable[[OccupancyGrid], Layout]:
         kind = type(run).__name__
         raise ConfigError(f"layout method {name!r} is a {kind}, which cannot be called with a grid")
 
+    check_takes(run, "grid", f"layout method {name!r}")
+
     def method(grid: OccupancyGrid) -> Layout:
-        found = run(grid)
+        found = run(replace(grid, cells=grid.cells.copy()))  # it may change what it is given
         if isinstance(found, Layout):
             return found
         labels = room_numbers(found, grid.shape, f"layout method {name!r} gives no Layout")

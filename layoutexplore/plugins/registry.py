@@ -143,7 +143,7 @@ class Registry(Generic[T]):
             )
 
     def _taken(self, name: str) -> ConfigError:
-        return ConfigError(f"there is an {self.kind} {shortened(name)} already: give yours another name")
+        return ConfigError(f"the {self.kind} {shortened(name)} exists already: give yours another name")
 
     def register_object(self, thing: Any) -> str:
         """Register a class, function or object of the user's own under its name; the name.

@@ -44,6 +44,18 @@ def buildable(thing: Any, what: str, *, inputs: int = 0) -> tuple[Callable[[str,
     return build, options
 
 
+def check_takes(run: Callable[..., Any], argument: str, what: str) -> None:
+    """Raise `ConfigError` where a function of the user's own cannot be called with this one argument."""
+    try:
+        signature = inspect.signature(run)
+    except (TypeError, ValueError):
+        return  # compiled code that does not tell
+    try:
+        signature.bind(None)
+    except TypeError as error:
+        raise ConfigError(f"{what} takes {signature}, but is called with ({argument})") from error
+
+
 def _declared(thing: type) -> type[Options] | None:
     """The class of options that a class declares."""
     own = getattr(thing, "Options", None)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError, checks_calls
 from layoutexplore.frontiers.decision import Decision, Privileged
 from layoutexplore.layout.outlines import HIGHEST_ID, room_numbers
+from layoutexplore.plugins.signatures import check_takes
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor, with_rooms
 from layoutexplore.predictors.room_completion import walled_rooms
 
@@ -74,6 +75,9 @@ class OwnPredictor:
 
 def predictor_of_own_code(name: str, made: Any) -> RoomPredictor:
     """What a user's own code made, as a predictor; one that is complete stays as it is."""
+    for method, argument in (("rooms", "decision"), ("predict", "decision"), ("reveal", "truth")):
+        if callable(asked := getattr(made, method, None)):
+            check_takes(asked, argument, f"predictor {name!r}: its {method}")
     if all(hasattr(made, attribute) for attribute in ("name", "rooms", "predict")):
         predictor: RoomPredictor = made
         return predictor

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from layoutexplore.benchmark.analysis import METRICS, Comparison, groups, pooled_curves
+from layoutexplore.benchmark.analysis import METRICS, POOLED, Comparison, groups, pooled_curves
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
 from layoutexplore.drawing.labels import label_places
@@ -72,14 +72,14 @@ def write_paper(folder: ResultsFolder, out: Path, *, baseline: str | None = None
         mine = [c for c in view.comparisons if c.sensor == name]
         curves = pooled_curves(part, view.baseline, view.curves)
         if mine:
-            written += _save(_draw_ratios(mine, view.baseline, view.level), out / f"ratios-{safe_name(name)}")
+            written += _save(_draw_ratios(mine, view.baseline, view.level), out / _file("ratios", name))
         if curves:
             chart = _draw_curves(curves, view.looks, unit)
-            written += _save(chart, out / f"coverage-{safe_name(name)}")
+            written += _save(chart, out / _file("coverage", name))
     if view.profile:
         written += _save(_draw_profiles(view.profile), out / "profiles")
     for name, (plot, _) in view.layouts.stops.items():
-        written += _save(_draw_stops(plot), out / f"stops-{safe_name(name)}")
+        written += _save(_draw_stops(plot), out / _file("stops", name))
     return written
 
 
@@ -98,9 +98,7 @@ def tables_of(view: BenchmarkView) -> list[Table]:
             )
             for line in group.table
         ]
-        found.append(
-            Table(f"ratios-{safe_name(group.name)}", ("agent", *levels, "reached 99 %", "runs"), lines)
-        )
+        found.append(Table(_file("ratios", group.name), ("agent", *levels, "reached 99 %", "runs"), lines))
     order = view.order
     plans = [
         (line.plan, line.sensor, number(line.area, 0), *(number(line.metres.get(a), 0) for a in order))
@@ -121,15 +119,20 @@ def tables_of(view: BenchmarkView) -> list[Table]:
             )
             for line in effects
         ]
-        found.append(Table(f"layout-{safe_name(name)}", header, body))
+        found.append(Table(_file("layout", name), header, body))
     header = ("agent", "metres saved", "points lost", "lost more than 2")
     for name, (_, stops) in view.layouts.stops.items():
         body = [
             (s.agent, percents(s.saved), number(100 * s.lost.estimate, 1), percent(s.too_early))
             for s in stops
         ]
-        found.append(Table(f"stops-{safe_name(name)}", header, body))
+        found.append(Table(_file("stops", name), header, body))
     return [table for table in found if table.rows]
+
+
+def _file(kind: str, group: str) -> str:
+    """The name without a suffix of what is shown of a group: a sensor, or all of them."""
+    return kind if group == POOLED else f"{kind}-{safe_name(group)}"
 
 
 def _named(agent: str, line: Any) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from layoutexplore.errors import ConfigError, LayoutExploreError, checks_making, shortened
 from layoutexplore.frontiers.answers import leaving_the_map, saying_where
-from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, remembers
+from layoutexplore.frontiers.decision import PATHS, Agent, Choice, Decision, Predictor, Privileged, remembers
 from layoutexplore.frontiers.walks import plain_choice
 from layoutexplore.grids.arrays import Floats, shows_shapes
 from layoutexplore.grids.grid import Pose
@@ -149,10 +149,7 @@ def play(
             if on_step:
                 on_step(simulation)
             if simulation.decisions > MAX_DECISIONS:
-                raise LayoutExploreError(
-                    f"{_named(agent)} is stuck: {MAX_DECISIONS} decisions, {simulation.distance:.0f} m, "
-                    f"{100 * simulation.coverage:.1f} % seen"
-                )
+                raise LayoutExploreError(_stuck(agent, simulation, choice))
     seconds = time.perf_counter() - began - (asked_beside.seconds if asked_beside else 0.0)
     notes = asked_beside.end() if asked_beside else None
     return Episode(simulation.curve[:, :2], corners(simulation.track), took, seconds, predictions, notes)
@@ -175,6 +172,15 @@ def _check_callers(
 def _named(agent: Agent) -> str:
     """What an agent is called in messages."""
     return f"agent {getattr(agent, 'name', type(agent).__name__)!r}"
+
+
+def _stuck(agent: Agent, simulation: Simulation, choice: Choice) -> str:
+    """What is said of an agent whose run does not end."""
+    seen = f"{simulation.distance:.0f} m, {100 * simulation.coverage:.1f} % seen"
+    told = f"{_named(agent)} is stuck: {MAX_DECISIONS} decisions, {seen}"
+    if isinstance(choice, PATHS):
+        told += "; it answers with paths, but only a frontier that is answered by its number is given up"
+    return told
 
 
 def _ask(agent: Agent, decision: Decision) -> tuple[Choice, float]:

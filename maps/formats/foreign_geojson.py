@@ -153,7 +153,7 @@ def _from_areas(
         raise MapError(f"{path}: no polygon that could be a room (--column kind=NAME names the property)")
     openings += open_between(str(path), outlines, bare, openings) if bare else []
     plan = plan_from_outlines(
-        outlines, labels, openings, name=path.stem, building=building, metadata=metadata
+        outlines, labels, openings, name=path.stem, building=building, metadata=metadata, may_be_faces=True
     )
     _tell_overlaps({room.id: outlines[room.id] for room in plan.rooms}, path)  # numbers are within the limits
     return plan

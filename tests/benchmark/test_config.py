@@ -56,6 +56,8 @@ def test_configuration_from_toml(tmp_path: Path) -> None:
         ("agents = []", "at least one of agents"),
         ("agents = ['tour', 'tour']", "'tour' twice"),
         ("[simulation]\nresolutoin = 0.1", "did you mean 'resolution'"),
+        ("noise = 'low'", r"'noise' stands under \[simulation\]"),
+        ("sensor = 'stage'", "did you mean 'sensors'"),
         ("[simulation]\nsensor = 'stage'", "name the sensors in the list"),
         ("[simulation]\nresolution = -1.0", "resolution"),
         ("[lidars.mine]\nrange_max = 5.0", "missing"),

@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from numba.core import event
 
 from layoutexplore.grids.boxes import box_around, known_box, true_box
 
@@ -33,6 +34,18 @@ def test_true_cells_lie_in_their_box(cells: np.ndarray) -> None:
     known = known_box(cells)
     assert true_box(cells >= 0) == known
     assert true_box(np.asfortranarray(cells >= 0)) == known
+
+
+def test_a_map_that_is_read_only_compiles_nothing_anew() -> None:
+    cells = np.full((4, 4), -1, np.int8)
+    cells[1, 2] = 0
+    found = known_box(cells), true_box(cells == 0)
+    mask = cells == 0
+    for array in (cells, mask):
+        array.setflags(write=False)
+    with event.install_recorder("numba:compile") as compiled:
+        assert (known_box(cells), true_box(mask)) == found
+    assert not compiled.buffer
 
 
 @given(hnp.arrays(np.int32, st.tuples(st.integers(1, 9), st.just(2)), elements=st.integers(0, 99)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,9 @@ from shapely.geometry import box
 from typer.testing import CliRunner
 
 from layoutexplore.cli import app
-from layoutexplore.errors import ConfigError
+from layoutexplore.errors import ConfigError, MapWarning
 from layoutexplore.grids.polygons import Point
-from layoutexplore.importing.doors import widen_doors
+from layoutexplore.importing.doors import through_walls, widen_doors
 from layoutexplore.maps import load_plan
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.geojson import save_plan
@@ -75,3 +76,23 @@ def test_the_command_widens_doors(tmp_path: Path) -> None:
     assert door.width == pytest.approx(0.9)
     refused = CliRunner().invoke(app, [*words, "--doors", "0.9", "--robot", str(tmp_path / "robot")])
     assert refused.exit_code != 0 and not (tmp_path / "robot").exists()
+
+
+def test_a_door_that_somebody_has_drawn_is_cut_through_the_walls(tmp_path: Path) -> None:
+    drawn = door_at((4.0, 3.15), (5.0, 3.15), (1, 3))
+    plan = three_rooms(door_at((1.2, 3.15), (2.0, 3.15), (1, 2)))
+    shut = replace(door_at((2.2, 3.15), (2.8, 3.15), (1, 2)), is_open=False)
+    plan = replace(plan, doors=(*plan.doors, drawn, shut))
+    with pytest.warns(MapWarning, match="1 door had no gap as wide in the walls"):
+        mended = through_walls(plan)
+    assert plan.walls.area - mended.walls.area == pytest.approx(1.0 * 0.3)
+    assert through_walls(mended) is mended
+    longer = replace(mended, doors=(plan.doors[0], replace(drawn, end=(5.4, 3.15)), shut))
+    with pytest.warns(MapWarning, match="1 door had no gap as wide"):
+        assert mended.walls.area - through_walls(longer).walls.area == pytest.approx(0.4 * 0.3)
+    save_plan(plan, tmp_path / "plan.geojson")
+    words = ["maps", "import", str(tmp_path / "plan.geojson"), "--out", str(tmp_path / "plan.geojson")]
+    with pytest.warns(MapWarning, match="had no gap"):
+        done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0 and "out of reach" not in done.output, done.output
+    assert load_plan(tmp_path / "plan.geojson").walls.area == pytest.approx(mended.walls.area)

@@ -254,6 +254,17 @@ def test_ids_of_a_method_of_one_s_own_may_be_high_but_not_below_zero():
             reconstruct(grid, own_method(odd))
 
 
+def test_a_method_of_one_s_own_may_change_the_grid_that_it_is_given():
+    def walled_up(grid):
+        grid.cells[:, :10] = 100
+        return grid.free
+
+    grid, name = building(0.1), f"own-{next(_NUMBERS)}"
+    register_layout(name, "Shuts a strip.", lambda grid: walled_up(grid).astype(int))
+    assert reconstruct(grid, name).rooms
+    assert np.array_equal(grid.cells, building(0.1).cells)
+
+
 def own_method(labels):
     """The name of a method that gives these labels, whatever the grid."""
     name = f"own-{next(_NUMBERS)}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from typing import Any
@@ -81,6 +82,38 @@ class Nameless(Still):
     @property
     def name(self) -> None:
         return None
+
+
+SIGNATURES = """
+class Forgetful:
+    def reset(self): ...
+    def act(self, decision): ...
+
+class Curious:
+    def reset(self, seed): ...
+    def act(self, decision, memory): ...
+
+class Blind:
+    def rooms(self): ...
+
+def careless(): ...
+"""
+
+
+@pytest.mark.parametrize(
+    ("registry", "name", "message"),
+    [
+        (AGENTS, "Forgetful", "its reset takes (), but is called with (seed)"),
+        (AGENTS, "Curious", "its act takes (decision, memory), but is called with (decision)"),
+        (PREDICTORS, "Blind", "its rooms takes (), but is called with (decision)"),
+        (LAYOUTS, "careless", "takes (), but is called with (grid)"),
+    ],
+)
+def test_what_cannot_be_called_is_said(
+    tmp_path: Path, registry: Registry[Any], name: str, message: str
+) -> None:
+    with pytest.raises(ConfigError, match=re.escape(message)):
+        registry.make(f"{write(tmp_path, SIGNATURES)}:{name}")
 
 
 def test_agents_that_cannot_change_have_a_name_or_are_told_so() -> None:

@@ -57,6 +57,15 @@ def test_every_chart_and_table_is_written(written: list[Path]) -> None:
     assert len({line.replace(r"\&", "").count("&") for line in rows}) == 1
 
 
+def test_files_of_all_sensors_have_plain_names(tmp_path: Path) -> None:
+    save_plan(floorplan_from_ascii(HOUSE, resolution=0.6, name="house"), tmp_path / "house.geojson")
+    plans, sensors = (str(tmp_path / "house.geojson"),), ("stage", "indoor")
+    config = BenchmarkConfig(plans=plans, starts=1, agents=("nearest", "tour"), sensors=sensors)
+    written = write_paper(run_benchmark(config, tmp_path / "out").folder, tmp_path / "paper")
+    stems = {path.stem for path in written if path.stem.partition("-")[0] in ("ratios", "coverage")}
+    assert stems == {f"{kind}{of}" for kind in ("ratios", "coverage") for of in ("", "-stage", "-indoor")}
+
+
 def test_agents_that_know_the_plan_are_marked(written: list[Path]) -> None:
     (names, *_) = zip(*csv.reader((written[0].parent / "ratios-stage.csv").open()), strict=True)
     assert set(names[1:]) == {*AGENTS, "clairvoyant (knows the plan)"} - {"clairvoyant"}

@@ -58,7 +58,9 @@ def test_a_stuck_agent_fails(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr("layoutexplore.simulation.episode.MAX_DECISIONS", 20)
     simulation, _ = prepare(house(), SimulationConfig(), "nearest")
-    with pytest.raises(LayoutExploreError, match="'dawdler' is stuck: 20 decisions"):
+    with pytest.raises(
+        LayoutExploreError, match=r"'dawdler' is stuck: 20 decisions.*by its number is given up"
+    ):
         play(simulation, Dawdler())
 
 

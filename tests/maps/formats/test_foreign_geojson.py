@@ -53,6 +53,19 @@ def test_multipolygons_with_columns_of_any_name(tmp_path: Path) -> None:
     assert [room.label for room in load_plan(write(tmp_path, *ROOMS)).rooms] == ["", ""]
 
 
+@pytest.mark.parametrize("thick", [0.08, 0.2, 0.4])
+def test_rooms_that_lie_apart_keep_their_size(tmp_path: Path, thick: float) -> None:
+    rooms = [box(0, 0, 4, 5), box(4 + thick, 0, 9, 5), box(0, 5 + thick, 9, 8)]
+    doors = [
+        LineString([(4 + thick / 2, 2), (4 + thick / 2, 3)]),
+        LineString([(1, 5 + thick / 2), (2, 5.04)]),
+    ]
+    plan = load_plan(write(tmp_path, *((shape, {}) for shape in [*rooms, *doors])))
+    assert [room.polygon.area for room in plan.rooms] == pytest.approx([room.area for room in rooms])
+    assert [door.rooms for door in plan.doors] == [(1, 2), (1, 3)]
+    assert share_reached(plan) == 1.0
+
+
 def test_columns_that_are_not_there_are_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"no feature has the property 'Raum'; there are: Bezeichnung, fid"):
         load_plan(write(tmp_path, *ROOMS), columns={"room": "Raum"})

@@ -6,6 +6,7 @@ import dataclasses
 import os
 import shutil
 import signal
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +31,11 @@ from layoutexplore.agents.rl.tour_search.search import (  # noqa: E402
     explore_group,
     read_explorations,
 )
-from layoutexplore.errors import ConfigError, LayoutExploreError, ResultsError  # noqa: E402
+from layoutexplore.errors import ConfigError, LayoutExploreError, ResultsError, WorkerError  # noqa: E402
 from layoutexplore.files import to_toml  # noqa: E402
 from layoutexplore.frontiers.tour_features import TourConfig  # noqa: E402
 from layoutexplore.metrics.exploration import score_curve  # noqa: E402
+from layoutexplore.plugins.transport import worker_killed  # noqa: E402
 from layoutexplore.simulation.config import SimulationConfig  # noqa: E402
 from layoutexplore.simulation.episode import play  # noqa: E402
 from layoutexplore.simulation.simulation import Simulation  # noqa: E402
@@ -82,6 +84,20 @@ def test_a_resumed_search_is_the_one_that_was_never_stopped(
     assert all(
         torch.equal(found[0].state_dict()[name], tensor) for name, tensor in expected[0].state_dict().items()
     )
+
+
+@pytest.mark.parametrize("asked", [True, False])
+def test_workers_that_are_asked_to_end_with_their_run_are_no_error(tmp_path: Path, asked: bool) -> None:
+    class Cluster(Silent):
+        def advance(self, steps: int, total: int) -> None:
+            if asked:
+                os.kill(os.getpid(), signal.SIGTERM)
+            raise worker_killed(2)
+
+    with nullcontext() if asked else pytest.raises(WorkerError, match="was killed"):
+        run = train(small_config(tmp_path), tmp_path / "run", watcher=Cluster())
+        assert run.stopping and run.steps == 4
+    assert len(read_explorations(tmp_path / "run" / EXPLORATIONS, 4)) == 4
 
 
 def test_ctrl_c_leaves_whole_groups(tmp_path: Path) -> None:
