@@ -21,15 +21,14 @@ from layoutexplore.agents.omniscient.route_planner import (
     RouteConfig,
     RoutePlanner,
 )
-from layoutexplore.agents.room_aware import LookingTour
-from layoutexplore.agents.watchful_tour import DoubtfulTourOptions, plan_watchful_tour
+from layoutexplore.agents.watchful_tour import ReplannedTour, ReplannedTourOptions
 from layoutexplore.frontiers.decision import Choice, Decision, Walk
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import Cell
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN
 from layoutexplore.options import option
-from layoutexplore.simulation.looking_around import LOOK_EVERY, LookingAround
+from layoutexplore.simulation.looking_around import LOOK_EVERY
 
 NEAR_WAY = 2.0
 """Metres: a frontier at most so far from where a path leaves what is known is in its way."""
@@ -65,7 +64,7 @@ MUCH = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlanTourOptions(DoubtfulTourOptions):
+class PlanTourOptions(ReplannedTourOptions):
     """Parameters of `PlanTour`."""
 
     sure: float = option(
@@ -88,13 +87,13 @@ class PlanTourOptions(DoubtfulTourOptions):
     lattice: float = option(0.8, "metres between places where the route may stop", low=0.2)
 
 
-class PlanTour(LookingTour[PlanTourOptions]):
+class PlanTour(ReplannedTour[PlanTourOptions]):
     """The first stop of a route over known and foreseen space; that of `watchful-tour` without foresight."""
 
     remembers = True
 
     def __init__(self, name: str, options: PlanTourOptions) -> None:
-        super().__init__(name, options, LookingAround(options.look_every, with_any_lidar=True))
+        super().__init__(name, options, options.look_every)
         self.reset(0)
 
     def forget_cells(self) -> None:
@@ -106,15 +105,11 @@ class PlanTour(LookingTour[PlanTourOptions]):
         self._left, self._idle, self._idle_from, self._farthest = -1, 0, 0.0, 0.0
         self._aims: set[Cell] = set()
 
-    def plans_anew(self, decision: Decision) -> bool:
-        """Always: what was seen on the way is held against what is foreseen, and against the tour."""
-        return True
-
     def plan(self, decision: Decision) -> Choice:
         """A path to the first stop, or the frontier that it stands for or that is in the way."""
         foresight = self._relied_on(decision)
         choice = None if foresight is None else self._follow(decision, foresight)
-        return int(plan_watchful_tour(decision, self.options)[0]) if choice is None else choice
+        return super().plan(decision) if choice is None else choice
 
     def _relied_on(self, decision: Decision) -> Foresight | None:
         """What is foreseen, where the agent is sure enough of it."""

@@ -13,6 +13,7 @@ too many of them would be left to the end.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from layoutexplore.simulation.looking_around import LookingAround
 
 
 @dataclass(frozen=True, kw_only=True)
-class DoubtfulTourOptions(RoomAwareTourOptions):
+class ReplannedTourOptions(RoomAwareTourOptions):
     """Parameters of tours that are planned anew after every few steps."""
 
     patience: float = option(
@@ -41,17 +42,26 @@ class DoubtfulTourOptions(RoomAwareTourOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WatchfulTourOptions(DoubtfulTourOptions):
+class WatchfulTourOptions(ReplannedTourOptions):
     """Parameters of `WatchfulTour`."""
 
     step: float = option(0.5, "metres after which the robot looks around and plans anew", low=0.2)
 
 
-class WatchfulTour(LookingTour[WatchfulTourOptions]):
-    """Steps along a latency tour over the frontiers that need not wait, planned anew after every step."""
+ReplannedT = TypeVar("ReplannedT", bound=ReplannedTourOptions)
 
-    def __init__(self, name: str, options: WatchfulTourOptions) -> None:
-        super().__init__(name, options, LookingAround(options.step, with_any_lidar=True))
+
+class ReplannedTour(LookingTour[ReplannedT]):
+    """Steps along a latency tour over the frontiers that need not wait, planned anew after every step.
+
+    Args:
+        name: What it is called in results.
+        options: Its parameters.
+        step: Metres after which the robot looks around and plans anew; 0 for where it arrives.
+    """
+
+    def __init__(self, name: str, options: ReplannedT, step: float) -> None:
+        super().__init__(name, options, LookingAround(step, with_any_lidar=True))
 
     def plans_anew(self, decision: Decision) -> bool:
         """Always: with any lidar the robot does not walk on to what no longer begins its tour."""
@@ -62,7 +72,14 @@ class WatchfulTour(LookingTour[WatchfulTourOptions]):
         return int(plan_watchful_tour(decision, self.options)[0])
 
 
-def plan_watchful_tour(decision: Decision, options: DoubtfulTourOptions) -> Ints:
+class WatchfulTour(ReplannedTour[WatchfulTourOptions]):
+    """The tour that is planned anew after every step."""
+
+    def __init__(self, name: str, options: WatchfulTourOptions) -> None:
+        super().__init__(name, options, options.step)
+
+
+def plan_watchful_tour(decision: Decision, options: ReplannedTourOptions) -> Ints:
     """An open tour from the robot over the frontiers that need not wait.
 
     Args:
