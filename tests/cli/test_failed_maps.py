@@ -18,7 +18,6 @@ from layoutexplore.errors import MapError, WorkerError
 from layoutexplore.evaluation.segmentation import evaluate_cases
 from layoutexplore.plugins.transport import worker_pool
 from layoutexplore.training.map_noise.files import describe_folders
-from tests.evaluation.cases import watch_merging_trainings
 from tests.maps.test_painted_rooms import paint
 
 BROKEN = "cut_off", "void", "unpainted"
@@ -47,10 +46,7 @@ def failed(result: Result, *names: str) -> bool:
     return result.exit_code == 1 and named and result.output.count("failed: ") == len(names)
 
 
-def test_rooms_of_the_other_maps_are_scored(
-    maps: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    watch_merging_trainings(monkeypatch)
+def test_rooms_of_the_other_maps_are_scored(maps: Path, tmp_path: Path) -> None:
     out, numbers = tmp_path / "out", tmp_path / "numbers.json"
     result = evaluate("segmentation", maps, "-m", "doorways", "--out", out, "--json", numbers)
     assert failed(result, "cut_off.png", "unpainted_gt.png", "void.png"), result.output
