@@ -11,10 +11,10 @@ from layoutexplore.agents.omniscient.places import Places
 from layoutexplore.agents.omniscient.visibility import SPARE, Bits, FloorInView, Visibility, size
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.foresight import Foresight
-from layoutexplore.frontiers.tour_features import MOST_AREA
-from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, Words
+from layoutexplore.frontiers.tour_features import MOST_AREA, area_in_doubt
+from layoutexplore.grids.arrays import Cells, Ints, Ints32, Mask, Words
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, Cell
-from layoutexplore.grids.morphology import borders_unknown, grow, inflate
+from layoutexplore.grids.morphology import grow, inflate
 from layoutexplore.grids.rays import is_free_line
 from layoutexplore.maps.raster import SIGHT_BEYOND_REACH
 from layoutexplore.planning.shortest_paths import geodesic_distances
@@ -29,7 +29,8 @@ NEAR_FRONTIER = 1.2
 """Metres: a place that is nearer to a frontier's viewpoint, in sight of it, stands for it in a route."""
 
 OPEN_SHARE = 0.3
-"""A frontier leads beyond what is foreseen where so large a share of its cells do."""
+"""A frontier leads beyond what is foreseen where nothing is foreseen beside so large a share of its cells;
+by doubtful foresight also where floor is beside a smaller one: what is drawn as wall may be a room."""
 
 
 class ForeseenFloor:
@@ -37,18 +38,20 @@ class ForeseenFloor:
 
     Args:
         lattice: Metres between the places where a route may stop.
+        doubted: Square metres to be expected behind a closed frontier, from which on it is open where nothing
+            is foreseen: its class may be wrong.
 
     Attributes:
         places: Where the robot may stop, and what is seen from there.
         seen: What has been seen, need not be seen or has been given up, as a set.
-        open: int64 (k,), numbers of the frontiers behind which nothing is foreseen.
+        open: int64 (k,), numbers of the frontiers behind which nothing is foreseen, but something is likely.
     """
 
     places: Places
     seen: Bits
 
-    def __init__(self, lattice: float) -> None:
-        self._lattice = lattice
+    def __init__(self, lattice: float, doubted: float = 3.0) -> None:
+        self._lattice, self._doubted = lattice, doubted
         self._cells: Cells | None = None
         self._scene: FloorInView | None = None
         self._given_up: Bits | None = None
@@ -70,7 +73,7 @@ class ForeseenFloor:
         visibility, target = self.places.visibility, self._scene.target
         self.seen = visibility.set_of(known) | ~visibility.target | self._given_up
         self._total, self._known = int(np.count_nonzero(target)), int(np.count_nonzero(target & known))
-        self._total += self._mark_open(decision, cells)
+        self._total += self._mark_open(decision, foresight)
 
     def quotas(self, *shares: float) -> list[int]:
         """How large `seen` must become for these shares of all that is known and foreseen."""
@@ -110,14 +113,18 @@ class ForeseenFloor:
         cells = np.unravel_index(visibility.sample[shown > 0], self.places.traversable.shape)
         return np.stack(cells, axis=1).astype(np.int32)
 
-    def _mark_open(self, decision: Decision, cells: Cells) -> int:
-        """Let places near open frontiers show what lies behind these: as many cells as are in view there."""
-        visibility, views = self.places.visibility, self.places.views
-        share = _unforeseen_share(cells, decision.clusters.cells, decision.clusters.offsets)
-        self.open = np.flatnonzero(share >= OPEN_SHARE)
+    def _mark_open(self, decision: Decision, foresight: Foresight) -> int:
+        """Let places near open frontiers show what lies behind these: as many cells as are expected there."""
+        visibility, views, table = self.places.visibility, self.places.views, decision.table
+        beside = foresight.beside(decision.grid.cells, decision.clusters)
+        in_view, leads_on = np.minimum(table.visible_area, MOST_AREA), table.closed <= 0.0
+        area = np.where(leads_on, in_view, np.minimum(in_view, area_in_doubt(decision)))
+        is_open = (beside.nothing >= OPEN_SHARE) & (leads_on | (area >= self._doubted))
+        if foresight.confidence < 1.0:
+            is_open |= (beside.floor < OPEN_SHARE) & leads_on
+        self.open = np.flatnonzero(is_open)
         views[:, visibility.spare :] = 0
-        area = np.minimum(decision.table.visible_area[self.open], MOST_AREA)
-        bits = np.maximum(1, np.round(area / visibility.cell_area)).astype(np.int64)
+        bits = np.maximum(1, np.round(area[self.open] / visibility.cell_area)).astype(np.int64)
         most = 64 * SPARE
         if bits.sum() > most:
             bits = np.maximum(1, bits * most // (2 * bits.sum()))
@@ -152,18 +159,6 @@ def reachable_from(here: Cell, cells: Cells, radius: float, resolution: float) -
     """Bool (rows, cols): the cells that a robot's centre can get to, itself included."""
     clear = np.equal(cells, FREE) & ~inflate(np.equal(cells, OCCUPIED), radius, resolution)
     return np.isfinite(geodesic_distances(clear, here, resolution))
-
-
-@njit(cache=True, nogil=True)
-def _unforeseen_share(cells: Cells, members: Ints32, offsets: Ints) -> Floats:
-    """Of each frontier the share of cells beside which something is neither known nor foreseen."""
-    share = np.zeros(len(offsets) - 1)
-    for k in range(len(share)):
-        count = 0
-        for n in range(offsets[k], offsets[k + 1]):
-            count += borders_unknown(cells, members[n, 0], members[n, 1])
-        share[k] = count / max(1, offsets[k + 1] - offsets[k])
-    return share
 
 
 @njit(cache=True, nogil=True)

@@ -119,7 +119,7 @@ class PlanTour(ReplannedTour[PlanTourOptions]):
     def _follow(self, decision: Decision, foresight: Foresight) -> Choice | None:
         """The way along the route; None where all is seen that is foreseen, or it cannot be gone to."""
         is_first = self._floor is None
-        self._floor = floor = self._floor or ForeseenFloor(self.options.lattice)
+        self._floor = floor = self._floor or ForeseenFloor(self.options.lattice, self.options.doubted)
         floor.update(decision, foresight)
         here = decision.grid.nearest_cell(decision.pose.x, decision.pose.y)
         self._learn(floor, here, decision.distance)

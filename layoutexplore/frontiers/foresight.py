@@ -10,12 +10,15 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numba import njit
 
 from layoutexplore.errors import MapError
-from layoutexplore.grids.arrays import Cells, Floats, Ints32, Mask, shows_shapes
+from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.grids.arrays import Cells, Floats, Ints, Ints32, Mask, shows_shapes
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
 from layoutexplore.options import POSITIVE, SHARE, check, check_kind
 
@@ -114,3 +117,43 @@ class Foresight:
         """Bool (rows, cols): cells known to be otherwise than foreseen."""
         shut = np.equal(self.cells, FREE) & np.equal(known, OCCUPIED)
         return shut | (np.equal(self.cells, OCCUPIED) & np.equal(known, FREE))
+
+    def beside(self, known: Cells, clusters: FrontierClusters) -> Beside:
+        """What is foreseen beside frontiers, where they border on unknown cells.
+
+        Args:
+            known: int8 (rows, cols), what is known.
+            clusters: The cells of k frontiers.
+        """
+        return Beside(*_shares_beside(known, self.cells, clusters.cells, clusters.offsets))
+
+
+class Beside(NamedTuple):
+    """Shares of the cells of frontiers; where neither is foreseen beside a cell, a wall is.
+
+    Attributes:
+        floor: float64 (k,), of each frontier the share of cells beside which unseen floor is foreseen.
+        nothing: float64 (k,), the share of those beside which nothing is.
+    """
+
+    floor: Floats
+    nothing: Floats
+
+
+@njit(cache=True, nogil=True)
+def _shares_beside(known: Cells, foreseen: Cells, members: Ints32, offsets: Ints) -> Floats:
+    """float64 (2, k): shares of the cells of each frontier beside which floor, and nothing, is foreseen."""
+    shares = np.zeros((2, len(offsets) - 1))
+    for k in range(len(offsets) - 1):
+        for n in range(offsets[k], offsets[k + 1]):
+            floor = nothing = False
+            for step in range(4):
+                r = members[n, 0] + (step == 0) - (step == 1)
+                c = members[n, 1] + (step == 2) - (step == 3)
+                if 0 <= r < known.shape[0] and 0 <= c < known.shape[1] and known[r, c] == UNKNOWN:
+                    floor |= foreseen[r, c] == FREE
+                    nothing |= foreseen[r, c] == UNKNOWN
+            shares[0, k] += floor
+            shares[1, k] += nothing
+        shares[:, k] /= max(1, offsets[k + 1] - offsets[k])
+    return shares

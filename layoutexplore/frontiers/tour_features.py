@@ -123,16 +123,17 @@ def ready_frontiers(
     chosen = sizeable_frontiers(decision, min_size)
     table = decision.table
     goes = (table.closed[chosen] <= 0.0) | (table.expected_area[chosen] >= area)
-    goes |= _area_in_doubt(decision, chosen) >= doubted
+    goes |= area_in_doubt(decision)[chosen] >= doubted
     return chosen[goes] if goes.any() else chosen
 
 
-def _area_in_doubt(decision: Decision, chosen: Ints) -> Floats:
-    """Square metres float64 (k,) behind closed frontiers in the mean: what is in view where they are open."""
+@checks_arguments
+def area_in_doubt(decision: Decision) -> Floats:
+    """Square metres float64 (n,) behind closed frontiers in the mean: what is in view where they are open."""
     table = decision.table
-    in_view = np.minimum(table.visible_area[chosen], MOST_AREA)
-    sure = np.where(table.confidence[chosen] > 0.0, table.confidence[chosen], 1.0)
-    areas: Floats = sure * table.expected_area[chosen] + (1.0 - sure) * in_view
+    in_view = np.minimum(table.visible_area, MOST_AREA)
+    sure = np.where(table.confidence > 0.0, table.confidence, 1.0)
+    areas: Floats = sure * table.expected_area + (1.0 - sure) * in_view
     return areas
 
 

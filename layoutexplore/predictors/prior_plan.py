@@ -37,6 +37,9 @@ SURE = 0.5
 DOUBTED = 0.5
 """Share of that confidence below which a plan that was believed is believed no longer."""
 
+TOLD = 0.3
+"""Share of a frontier's cells beside which a plan shows floor, from which on it tells what is behind."""
+
 TRUE_PRESETS = ("true", "rough", "corridors", "mirrored")
 """Presets that show the floor of the run, well or badly."""
 
@@ -168,13 +171,14 @@ def fingerprint_of(prior: PriorPlan) -> str:
 
 
 def _completed(shipped: Decision, foreseen: Foresight) -> Decision:
-    """Classes and areas by the plan where it shows what is behind a frontier, else as they were."""
+    """Classes and areas by the plan where it shows floor behind a frontier, else as they were."""
     assert shipped.rooms is not None
     cells, table = shipped.grid.cells, shipped.table
     passable = (cells == FREE) | foreseen.hidden(cells)
     ids = owners_of(shipped.rooms.sketch, foreseen, cells, alone=True)[foreseen.room_ids]
     classes = classify_frontiers(cells, shipped.clusters, ids, passable, foreseen.resolution)
-    told = classes.room > 0
+    beside = foreseen.beside(cells, shipped.clusters)
+    told = (classes.room > 0) & (beside.floor >= TOLD)
     rooms = np.array([frontier.room or 0 for frontier in shipped.frontiers], np.int32)
     judged = dataclasses.replace(
         classes,

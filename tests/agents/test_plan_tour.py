@@ -205,6 +205,35 @@ def test_open_frontiers_count_while_nothing_is_foreseen_behind_them() -> None:
         assert some == leads_on
 
 
+class DrawnRooms(Drawn):
+    """Tells the classes of the true rooms beside what it draws."""
+
+    def reveal(self, truth: Truth) -> None:
+        super().reveal(truth)
+        self._oracle = OraclePredictor()
+        self._oracle.reveal(truth)
+
+    def predict(self, decision: Decision) -> Decision:
+        return super().predict(self._oracle.predict(decision))
+
+
+@pytest.mark.parametrize("confidence", [0.9, 1.0])
+def test_a_room_that_a_doubtful_plan_draws_as_wall_is_looked_for(confidence: float) -> None:
+    """Where classes say that a room begins, but not where they say that hardly anything is left."""
+    plan = floorplan_from_ascii(FAR_ROOMS, resolution=1.0)
+    predictor = DrawnRooms(room_is_wall, confidence)
+    simulation, floor = Simulation(plan, SimulationConfig(sensor="stage"), predictor), ForeseenFloor(0.8)
+    decision = simulation.reset(seed=3, start=Pose(17.0, 2.0))
+    foresight, table = decision.foresight, decision.table
+    assert (
+        foresight is not None and (foresight.beside(decision.grid.cells, decision.clusters).floor == 0).all()
+    )
+    floor.update(decision, foresight)
+    leads_on = np.flatnonzero(table.closed < 0)
+    assert 0 < len(leads_on) < len(table.closed)
+    assert floor.open.tolist() == (leads_on.tolist() if confidence < 1 else [])
+
+
 def test_what_is_given_up_is_asked_for_no_longer() -> None:
     simulation = Simulation(offices(), SimulationConfig(sensor="short"), OraclePredictor(horizon=np.inf))
     decision, floor = simulation.reset(seed=3), ForeseenFloor(0.8)

@@ -6,10 +6,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from layoutexplore.errors import LayoutExploreError, MapError
-from layoutexplore.frontiers.foresight import Foresight
-from layoutexplore.grids.grid import UNKNOWN
+from layoutexplore.frontiers.detection import FrontierClusters
+from layoutexplore.frontiers.foresight import Beside, Foresight
+from layoutexplore.grids.arrays import Cells
+from layoutexplore.grids.grid import FREE, UNKNOWN
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.simulation.simulation import Simulation
 from tests.plans import TWO_ROOMS
@@ -19,8 +23,8 @@ ROOMS = np.array([[1, 1, 0, 0]], np.int32)
 
 
 def foresight(**changes: object) -> Foresight:
-    given = {"cells": CELLS, "room_ids": ROOMS, "confidence": 0.5, "predictor": "drawn", "resolution": 0.5}
-    return Foresight(**(given | changes))  # type: ignore[arg-type]
+    told = {"cells": CELLS, "room_ids": ROOMS, "confidence": 0.5, "predictor": "drawn", "resolution": 0.5}
+    return Foresight(**(told | changes))  # type: ignore[arg-type]
 
 
 def test_what_is_known_wins() -> None:
@@ -44,6 +48,37 @@ def test_what_lies_far_from_known_floor_is_left_out() -> None:
 
 def test_areas_are_of_free_cells() -> None:
     assert foresight().areas.tolist() == [0.0, 0.5]
+
+
+def shares_cell_by_cell(known: Cells, foreseen: Cells, clusters: FrontierClusters) -> Beside:
+    around = np.pad(np.where(known == UNKNOWN, foreseen, np.int8(1)), 1, constant_values=1)
+    shares = []
+    for k in range(len(clusters)):
+        beside = [
+            {
+                int(around[r, c + 1]),
+                int(around[r + 2, c + 1]),
+                int(around[r + 1, c]),
+                int(around[r + 1, c + 2]),
+            }
+            for r, c in clusters.cluster(k).tolist()
+        ]
+        shares.append([np.mean([value in values for values in beside]) for value in (FREE, UNKNOWN)])
+    floor, nothing = np.array(shares).reshape(-1, 2).T
+    return Beside(floor, nothing)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_what_is_foreseen_beside_frontiers(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shape = tuple(rng.integers(1, 12, 2))
+    known, cells = rng.choice(np.array([-1, 0, 100], np.int8), (2, *shape))
+    members = [np.argwhere(rng.random(shape) < 0.2).astype(np.int32) for _ in range(3)]
+    clusters = FrontierClusters.of([cluster for cluster in members if len(cluster)])
+    found = foresight(cells=cells, room_ids=np.zeros(shape, np.int32)).beside(known, clusters)
+    for shares, expected in zip(found, shares_cell_by_cell(known, cells, clusters), strict=True):
+        assert np.allclose(shares, expected)
 
 
 @pytest.mark.parametrize(
