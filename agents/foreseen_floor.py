@@ -30,7 +30,8 @@ NEAR_FRONTIER = 1.2
 
 OPEN_SHARE = 0.3
 """A frontier leads beyond what is foreseen where nothing is foreseen beside so large a share of its cells;
-by doubtful foresight also where floor is beside a smaller one: what is drawn as wall may be a room."""
+by doubtful foresight also where floor is beside a smaller one and its class is open: what is drawn as wall
+may be a room."""
 
 
 class ForeseenFloor:
@@ -121,7 +122,7 @@ class ForeseenFloor:
         area = np.where(leads_on, in_view, np.minimum(in_view, area_in_doubt(decision)))
         is_open = (beside.nothing >= OPEN_SHARE) & (leads_on | (area >= self._doubted))
         if foresight.confidence < 1.0:
-            is_open |= (beside.floor < OPEN_SHARE) & leads_on
+            is_open |= (beside.floor < OPEN_SHARE) & (table.closed < 0.0)
         self.open = np.flatnonzero(is_open)
         views[:, visibility.spare :] = 0
         bits = np.maximum(1, np.round(area[self.open] / visibility.cell_area)).astype(np.int64)
