@@ -200,13 +200,10 @@ def make_predictor(spec: object) -> Predictor | None:
         'oracle:flip=0.25'
         >>> make_predictor("none")
     """
-    if not isinstance(spec, str):
-        made = spec() if isinstance(spec, type) else spec
-        return predictor_of_own_code(type(made).__name__, made)
-    return None if spec == "none" else make_room_predictor(spec)
+    return None if isinstance(spec, str) and spec == "none" else make_room_predictor(spec)
 
 
-def make_room_predictor(spec: str) -> RoomPredictor:
+def make_room_predictor(spec: object) -> RoomPredictor:
     """Like `make_predictor`, but "none" is a predictor too: rooms are what is seen of them.
 
     Raises:
@@ -214,4 +211,7 @@ def make_room_predictor(spec: str) -> RoomPredictor:
         ConfigError: It has no such parameter, or the value makes no sense.
         OwnCodeError: A user's own predictor cannot be loaded.
     """
+    if not isinstance(spec, str):
+        made = spec() if isinstance(spec, type) else spec
+        return predictor_of_own_code(type(made).__name__, made)
     return PREDICTORS.make(spec)
