@@ -187,8 +187,8 @@ def predictor_names() -> list[str]:
 def make_predictor(spec: object) -> Predictor | None:
     """A predictor from `NAME`, `NAME:key=value,...`, `FILE.py:CLASS` or `package.module:CLASS`.
 
-    None for "none". What is a predictor already is handed back, with what it need not write itself; a class
-    of a user's own is made without arguments.
+    None for "none", and for None. What is a predictor already is handed back, with what it need not write
+    itself; a class of a user's own is made without arguments.
 
     Raises:
         UnknownNameError: There is no predictor of that name.
@@ -200,7 +200,9 @@ def make_predictor(spec: object) -> Predictor | None:
         'oracle:flip=0.25'
         >>> make_predictor("none")
     """
-    return None if isinstance(spec, str) and spec == "none" else make_room_predictor(spec)
+    if spec is None or (isinstance(spec, str) and spec == "none"):
+        return None
+    return make_room_predictor(spec)
 
 
 def make_room_predictor(spec: object) -> RoomPredictor:

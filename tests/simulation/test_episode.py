@@ -45,6 +45,13 @@ def test_results_say_in_a_line_what_they_are() -> None:
     for thing, begin in [*told.items(), (episode, f"Episode(curve=float64 ({len(episode.curve)}, 2), ")]:
         assert repr(thing).startswith(begin), repr(thing)
         assert len(repr(thing)) < 1000 and "\n" not in repr(thing)
+    assert repr(decision.frontiers) == f"FrontierList({[*decision.frontiers]})"
+
+
+def test_who_gives_a_name_for_an_agent_is_told_what_makes_one() -> None:
+    for given_for_one in ("nearest", object):
+        with pytest.raises(ConfigError, match=r"must have the method reset, got .*make_agent"):
+            play(Simulation(house()), given_for_one)  # type: ignore[arg-type]
 
 
 def test_a_stuck_agent_fails(monkeypatch: pytest.MonkeyPatch) -> None:
