@@ -161,9 +161,19 @@ def test_ctrl_c_stays_what_it_is() -> None:
     def end(decision: Decision) -> None:
         raise KeyboardInterrupt
 
-    simulation, _ = prepare(house(), SimulationConfig(), "nearest")
+    simulation, agent = prepare(house(), SimulationConfig(), "nearest")
     with pytest.raises(KeyboardInterrupt):
         play(simulation, Meddler(end))
+
+    def end_in_a_kernel(decision: Decision) -> None:
+        """Numba looks for its classes as it hands out results; where Ctrl-C comes then, that fails."""
+        try:
+            end(decision)
+        except KeyboardInterrupt as ctrl_c:
+            raise SystemError("CPUDispatcher(...) returned a result with an exception set") from ctrl_c
+
+    with pytest.raises(KeyboardInterrupt):
+        play(Simulation(house(), predictor=Meddler(end_in_a_kernel)), agent)
 
 
 @pytest.mark.parametrize(
