@@ -112,6 +112,8 @@ class LocalWorkers:
         """Send a command; without threads it is done at once."""
         tasks = list(zip(self.members, arguments, strict=True))
         if self._pool:
+            for future in self._futures:  # after Ctrl-C: no two threads step one environment
+                future.exception()
             self._futures = [self._pool.submit(member.execute, command, *given) for member, given in tasks]
         else:
             self._answers = [member.execute(command, *given) for member, given in tasks]
@@ -158,6 +160,9 @@ class ProcessWorkers:
     do not import the program's main module: what they need travels by value. They end with this process,
     however it ends.
 
+    Commands to a worker are numbered, and an answer has the number of its command: what answers one that
+    Ctrl-C has cut short is not taken for what answers the next.
+
     Args:
         setup: What they are made from.
     """
@@ -167,7 +172,7 @@ class ProcessWorkers:
         self.groups, self.ended = groups, False
         self._processes: list[Any] = []
         self._pipes: list[Connection] = []
-        self._waiting = [False] * len(groups)
+        self._waiting, self._numbers = [False] * len(groups), [0] * len(groups)
         made = partial(_make_with, pack_own_code(), make)
         settings = cloudpickle.dumps((made, groups[-1][1], autoreset, limit))
         try:
@@ -205,16 +210,17 @@ class ProcessWorkers:
                 self._pipes.append(here)
 
     def start(self, command: str, arguments: Sequence[tuple[Any, ...]]) -> None:
-        """Send a command; answers that were never collected (after Ctrl-C) are thrown away first."""
-        if any(self._waiting):
-            self.wait()
+        """Send a command; answers that were never collected (after Ctrl-C) no longer count."""
+        self._waiting = [False] * len(self.groups)
         for k, given in enumerate(arguments):
             self.start_one(k, command, given)
 
     def start_one(self, k: int, command: str, arguments: tuple[Any, ...]) -> None:
         """Send a command to one worker."""
+        self._numbers[k] += 1
         try:
-            self._pipes[k].send_bytes(_STEP if command == "step" else cloudpickle.dumps((command, arguments)))
+            data = _STEP if command == "step" else cloudpickle.dumps((command, arguments))
+            self._pipes[k].send_bytes(_numbered(self._numbers[k], data))
         except (BrokenPipeError, ConnectionError):
             raise self._death(k) from None
         self._waiting[k] = True
@@ -245,19 +251,21 @@ class ProcessWorkers:
         return k
 
     def _answer_of(self, k: int) -> Any:
+        number = _numbered(self._numbers[k])
         try:
-            answer = pickle.loads(self._pipes[k].recv_bytes())
+            while (answer := self._pipes[k].recv_bytes())[: len(number)] != number:
+                continue
         except (EOFError, ConnectionError):
             raise self._death(k) from None
         self._waiting[k] = False
-        return answer
+        return pickle.loads(answer[len(number) :])
 
     def close(self) -> None:
         """End the workers: by asking, then by force."""
         self.ended = True
         for pipe in self._pipes:
             with contextlib.suppress(OSError):
-                pipe.send_bytes(cloudpickle.dumps(("leave", ())))
+                pipe.send_bytes(_numbered(0, cloudpickle.dumps(("leave", ()))))
             pipe.close()
         for process in self._processes:
             process.join(_PATIENCE)
@@ -279,6 +287,11 @@ class ProcessWorkers:
             f"worker {k} of {len(self.groups)} (environments {begin} to {end - 1}) {cause}; "
             "the vector environment is closed: make a new one, with fewer workers if memory ran out"
         )
+
+
+def _numbered(number: int, data: bytes = b"") -> bytes:
+    """A message behind its number."""
+    return number.to_bytes(8, "little") + data
 
 
 class _Failure:
@@ -316,25 +329,27 @@ def _work(
             buffers = Buffers.allocate(make(), count, lambda shape, dtype: _array(next(left), shape, dtype))
             envs = EnvironmentGroup(make, buffers.rows(*group), autoreset, limit)
         except Exception as error:
-            _answer(pipe, _Failure(error))
+            _answer(pipe, _numbered(0), _Failure(error))
             return
-        _answer(pipe, None)
+        _answer(pipe, _numbered(0), None)
         while True:
-            command, arguments = pickle.loads(pipe.recv_bytes())
+            message = pipe.recv_bytes()
+            number = message[: len(_numbered(0))]
+            command, arguments = pickle.loads(message[len(number) :])
             if command == "leave":
                 break
             try:
                 answer = envs.execute(command, *arguments)
             except Exception as error:
                 answer = _Failure(error)
-            _answer(pipe, answer)
+            _answer(pipe, number, answer)
         envs.close()
 
 
-def _answer(pipe: Connection, answer: Any) -> None:
-    """Send an answer; one that cannot travel becomes an error that says so."""
+def _answer(pipe: Connection, number: bytes, answer: Any) -> None:
+    """Send an answer behind its number; one that cannot travel becomes an error that says so."""
     if answer is None:
-        pipe.send_bytes(_DONE)
+        pipe.send_bytes(number + _DONE)
         return
     try:
         data = cloudpickle.dumps(answer)
@@ -344,4 +359,4 @@ def _answer(pipe: Connection, answer: Any) -> None:
         data = cloudpickle.dumps(
             _Failure(WorkerError(f"what a worker answers cannot be sent: {what!r} ({error})"))
         )
-    pipe.send_bytes(data)
+    pipe.send_bytes(number + data)

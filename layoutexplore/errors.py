@@ -203,20 +203,16 @@ def checks_arguments(function: Callable[P, R]) -> Callable[P, R]:
         try:
             return function(*args, **kwargs)
         except Exception as error:  # also those of Numba, OpenCV and Shapely
-            named = _named(error, function, args, kwargs, outside=_from_outside())
-            if named is error:
-                raise
-            raise named from error
+            _explain(error, function, args, kwargs, outside=_from_outside())
+            raise
 
     @functools.wraps(function)
     def walked(*args: P.args, **kwargs: P.kwargs) -> Any:
         try:
             yield from cast(Iterable[Any], function(*args, **kwargs))
         except Exception as error:
-            named = _named(error, function, args, kwargs, outside=_from_outside())
-            if named is error:
-                raise
-            raise named from error
+            _explain(error, function, args, kwargs, outside=_from_outside())
+            raise
 
     return cast(Callable[P, R], walked) if inspect.isgeneratorfunction(function) else checked
 
@@ -246,29 +242,30 @@ def _from_outside() -> bool:
     return package != __name__.partition(".")[0] or room.startswith("cli")
 
 
-def _named(
-    error: Exception,
-    function: Callable[..., Any],
-    args: tuple[Any, ...],
-    kwargs: dict[str, Any],
-    *,
-    outside: bool,
-) -> Exception:
-    """An error that names the argument which explains it; the error itself where none does."""
+def _explain(
+    error: Exception, function: Callable[..., Any], args: Any, kwargs: dict[str, Any], outside: bool
+) -> None:
+    """Raise an error that names the argument which explains this one, if one does, or the Ctrl-C behind."""
+    behind: BaseException | None = error
+    while isinstance(behind, SystemError):  # Numba's: Ctrl-C came as a kernel handed out its results
+        behind = behind.__cause__
+    if isinstance(behind, KeyboardInterrupt):
+        raise KeyboardInterrupt from error
     if isinstance(error, LayoutExploreError):
-        return error
+        return
     given = _given(function, args, kwargs)
     for name, (value, meant, annotation) in given.items():
         unlike = getattr(error, "obj", None) is value and type(value).__name__ not in annotation
         if unlike or not _can_be(value, meant):
-            return ConfigError(f"{function.__qualname__}: {name} must be {annotation}, got {_shown(value)}")
+            told = f"{function.__qualname__}: {name} must be {annotation}, got {_shown(value)}"
+            raise ConfigError(told) from error
     # What this package itself has passed on explains nothing: the fault may be here.
     if not outside or isinstance(error, _SPEAKS_FOR_ITSELF):
-        return error
+        return
     for name, (value, meant, _) in given.items():
         if odd := _oddity(value, meant, error):
-            return ConfigError(f"{function.__qualname__}: {name} {odd}, which leads nowhere: {cause(error)}")
-    return error
+            told = f"{function.__qualname__}: {name} {odd}, which leads nowhere: {cause(error)}"
+            raise ConfigError(told) from error
 
 
 def _given(

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+import layoutexplore
+
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ("layoutexplore", "envs", "agents", "maps")
 
@@ -76,3 +78,9 @@ def test_benchmark_workers_need_no_gymnasium() -> None:
 def test_what_ci_runs_exists() -> None:
     named = re.findall(r"\btests/[\w./-]+", (ROOT / ".ci" / "run").read_text())
     assert len(named) >= 5 and [name for name in named if not (ROOT / name).exists()] == []
+
+
+def test_completion_offers_what_is_public() -> None:
+    offered = {name for name in dir(layoutexplore) if not name.startswith("_")}
+    assert offered >= set(layoutexplore.__all__) - {"__version__"}
+    assert all(f"layoutexplore.{name}" in sys.modules for name in offered - set(layoutexplore.__all__))

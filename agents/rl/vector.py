@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,9 +26,10 @@ StepResult = tuple[Batch, Floats32, Mask, list[dict[str, Any]]]
 class VectorAdapter(VecEnv):
     """Steps a `gymnasium.vector.VectorEnv` that resets within the step (`AutoresetMode.SAME_STEP`).
 
-    With `info["episode"]` of a step that ends an episode come its return `r`, length `l`, `coverage`,
-    `distance`, and `d95_share`, the metres after which a decision first found 95 % seen, as a share of the
-    distance.
+    An info holds what that of the environment does: of the last step where an episode ends, of the first
+    decision of all in `reset_infos`. `info["episode"]` of a step that ends one holds its return `r`, length
+    `l`, `coverage`, `distance`, and `d95_share`, the metres after which a decision first found 95 % seen, as
+    a share of the distance.
 
     Args:
         env: The vector environment. Its observations may have an `action_mask`; stopping, the last action, is
@@ -59,9 +60,20 @@ class VectorAdapter(VecEnv):
         return [seed] * self.num_envs
 
     def reset(self) -> Batch:
-        """Begin an episode everywhere."""
-        observations, _ = self.env.reset(seed=self._next_seed)
+        """Begin an episode everywhere.
+
+        Raises:
+            ConfigError: `set_options` was given other options for some environments than for others.
+        """
+        options = self._options[0]
+        if any(one is not options for one in self._options) and any(self._options):
+            raise ConfigError(
+                "the environments of a vector are reset with the same options: set_options(dict)"
+            )
+        observations, info = self.env.reset(seed=self._next_seed, options=options or None)
+        self.reset_infos = _single(info, range(self.num_envs))
         self._next_seed = None
+        self._reset_options()
         self._returns = np.zeros(self.num_envs)
         self._lengths = np.zeros(self.num_envs, np.int64)
         self._d95 = np.full(self.num_envs, np.nan)
@@ -106,9 +118,9 @@ class VectorAdapter(VecEnv):
         lengths = self._d95[rows]
         reached = np.isnan(lengths) & (coverage >= NEARLY_SEEN)
         lengths[reached] = distance[reached]
-        infos: list[dict[str, Any]] = [{} for _ in range(len(done))]
+        infos = _single(info, range(len(done)))
         for k in np.flatnonzero(done).tolist():
-            infos[k] = {
+            infos[k] = _single(info.get("final_info", {}), [k])[0] | {
                 "terminal_observation": info["final_obs"][k],
                 "TimeLimit.truncated": bool(truncated[k] and not terminated[k]),
                 "episode": self._episode((rows.start or 0) + k, float(coverage[k]), float(distance[k])),
@@ -126,7 +138,9 @@ class VectorAdapter(VecEnv):
 
     def has_attr(self, attr_name: str) -> bool:
         """Whether the environments mask actions, where that is asked."""
-        return self._masks is not None if attr_name == "action_masks" else super().has_attr(attr_name)
+        if attr_name == "action_masks":
+            return "action_mask" in getattr(self.observation_space, "spaces", ())
+        return super().has_attr(attr_name)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
         """What a method of some environments returns; without indices, of all."""
@@ -147,6 +161,10 @@ class VectorAdapter(VecEnv):
         kept = self.env.get_attr(attr_name) if len(chosen) < self.num_envs else ()
         values = [value if k in chosen else kept[k] for k in range(self.num_envs)]
         self.env.set_attr(attr_name, values)
+
+    def get_images(self) -> Sequence[Any]:
+        """A frame of each environment, for the render mode "rgb_array"."""
+        return list(self.env.render())
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """None is wrapped."""
@@ -173,6 +191,16 @@ class VectorAdapter(VecEnv):
         }
         self._returns[k], self._lengths[k], self._d95[k] = 0.0, 0, np.nan
         return episode
+
+
+def _single(info: dict[str, Any], rows: Iterable[int]) -> list[dict[str, Any]]:
+    """The infos of some environments, each by itself and with numbers of Python, as single ones have them."""
+    shown = {
+        name: array.tolist() if array.ndim == 1 else array
+        for name, array in info.items()
+        if isinstance(array, np.ndarray) and name[:1] != "_" and name != "final_obs"
+    }
+    return [{name: array[k] for name, array in shown.items()} for k in rows]
 
 
 def _at_the_end(info: dict[str, Any], name: str) -> Floats:

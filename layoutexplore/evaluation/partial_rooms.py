@@ -24,6 +24,7 @@ from layoutexplore.frontiers.decision import Decision, Privileged
 from layoutexplore.grids.arrays import Cells, Ints32, Mask, check_alike
 from layoutexplore.grids.boxes import window
 from layoutexplore.grids.grid import UNKNOWN
+from layoutexplore.predictors import make_room_predictor
 from layoutexplore.predictors.protocol import RoomLabels, RoomPredictor
 from layoutexplore.predictors.snapshot import Snapshot
 
@@ -122,21 +123,27 @@ class Scores:
 @checks_arguments
 def score_predictors(
     snapshots: Iterable[Snapshot],
-    predictors: Sequence[RoomPredictor] | Mapping[str, RoomPredictor],
+    predictors: Sequence[object] | Mapping[str, object],
     watch: Watch | None = None,
 ) -> Scores:
     """Ask every predictor about every snapshot.
 
     Args:
         snapshots: What is asked.
-        predictors: Who is asked; by what scores call them, or each by its own name.
+        predictors: Who is asked, as `make_predictor` takes or makes them: names, or what has
+            `rooms(decision)`; by what scores call them, or each by its own name.
         watch: Told of every room that is scored, to draw some.
 
     Raises:
-        ConfigError: Two predictors have one name.
+        ConfigError: Two predictors have one name, or one is none.
+        UnknownNameError: There is no predictor of a name.
+        OwnCodeError: A user's own predictor cannot be loaded.
     """
-    named = predictors if isinstance(predictors, Mapping) else {p.name: p for p in predictors}
-    if len(named) < len(predictors):
+    given = predictors.values() if isinstance(predictors, Mapping) else predictors
+    made = [make_room_predictor("none" if one is None else one) for one in given]
+    names = predictors if isinstance(predictors, Mapping) else [predictor.name for predictor in made]
+    named = dict(zip(names, made, strict=True))
+    if len(named) < len(made):
         raise ConfigError("two of the predictors have one name: give them by names that tell them apart")
     scores = Scores([], [], {name: [] for name in named})
     for snapshot in snapshots:

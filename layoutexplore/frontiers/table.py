@@ -147,6 +147,9 @@ class FrontierList(Sequence[Frontier]):
     def __len__(self) -> int:
         return len(self._kept)
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({list(self)})"
+
     @overload
     def __getitem__(self, index: int) -> Frontier: ...
     @overload

@@ -187,8 +187,8 @@ def predictor_names() -> list[str]:
 def make_predictor(spec: object) -> Predictor | None:
     """A predictor from `NAME`, `NAME:key=value,...`, `FILE.py:CLASS` or `package.module:CLASS`.
 
-    None for "none". What is a predictor already is handed back, with what it need not write itself; a class
-    of a user's own is made without arguments.
+    None for "none", and for None. What is a predictor already is handed back, with what it need not write
+    itself; a class of a user's own is made without arguments.
 
     Raises:
         UnknownNameError: There is no predictor of that name.
@@ -200,13 +200,12 @@ def make_predictor(spec: object) -> Predictor | None:
         'oracle:flip=0.25'
         >>> make_predictor("none")
     """
-    if not isinstance(spec, str):
-        made = spec() if isinstance(spec, type) else spec
-        return predictor_of_own_code(type(made).__name__, made)
-    return None if spec == "none" else make_room_predictor(spec)
+    if spec is None or (isinstance(spec, str) and spec == "none"):
+        return None
+    return make_room_predictor(spec)
 
 
-def make_room_predictor(spec: str) -> RoomPredictor:
+def make_room_predictor(spec: object) -> RoomPredictor:
     """Like `make_predictor`, but "none" is a predictor too: rooms are what is seen of them.
 
     Raises:
@@ -214,4 +213,7 @@ def make_room_predictor(spec: str) -> RoomPredictor:
         ConfigError: It has no such parameter, or the value makes no sense.
         OwnCodeError: A user's own predictor cannot be loaded.
     """
+    if not isinstance(spec, str):
+        made = spec() if isinstance(spec, type) else spec
+        return predictor_of_own_code(type(made).__name__, made)
     return PREDICTORS.make(spec)

@@ -163,7 +163,10 @@ def _check_callers(
     check_kind("saved", saved, SavedRun, optional=True)
     for method in ("reset", "act"):
         if isinstance(agent, type) or not callable(getattr(agent, method, None)):
-            raise ConfigError(f"agent must have the method {method}, got {shortened(agent)}")
+            raise ConfigError(
+                f"agent must have the method {method}, got {shortened(agent)}: it is an object, such as "
+                "layoutexplore.make_agent makes of a name"
+            )
     for name, function in functions.items():
         if function is not None and not callable(function):
             raise ConfigError(f"{name} must be a function or None, got {shortened(function)}")

@@ -155,7 +155,10 @@ def _reached(simulation: Simulation) -> dict[str, NDArray[Any]]:
 def save_simulation(
     simulation: Simulation, path: str | os.PathLike[str], notes: dict[str, Any] | None = None
 ) -> None:
-    """Write a run, between two moves, to a file from which `load_simulation` goes on.
+    """Write a run to a file from which `load_simulation` goes on.
+
+    A move that an error or Ctrl-C has cut short is left out: the run is saved as it was before that move. The
+    moves till then are made again for that, without predictions.
 
     Args:
         simulation: It has been reset.
@@ -163,8 +166,8 @@ def save_simulation(
         notes: Texts and numbers to be kept with it.
 
     Raises:
-        ConfigError: The simulation has not been reset, its robot has returned to the start, or its seed has
-            more than 64 bits.
+        ConfigError: The simulation has not been reset, its robot has returned to the start, it went on after
+            a move that was cut short, or its seed has more than 64 bits.
         WriteError: The file cannot be written.
     """
     check_kind("simulation", simulation, Simulation)
@@ -172,6 +175,8 @@ def save_simulation(
     state = simulation.state
     if state.explored is not None:
         raise ConfigError("a run whose robot has returned to its start is not saved: save before the return")
+    simulation = _uncut(simulation)
+    state = simulation.state
     table = {
         "format": FORMAT,
         "plan": simulation.plan.name,
@@ -192,6 +197,22 @@ def save_simulation(
     }
     arrays: dict[str, NDArray[Any]] = {"run": np.array(json.dumps(table)), **moves, **_reached(simulation)}
     write_arrays(Path(path), arrays)
+
+
+def _uncut(simulation: Simulation) -> Simulation:
+    """A run as it was before a move that was cut short, as one is from within `on_scan`."""
+    state = simulation.state
+    if state.cut_at is None:
+        return simulation
+    if state.cut_at < len(state.moves) - 1:
+        raise ConfigError(
+            "this run went on after a move that was cut short, which cannot be repeated: save before going on"
+        )
+    again = Simulation(simulation.plan, simulation.config)
+    again.reset(state.seed, state.start)
+    for move in state.moves[:-1]:
+        _make(again, move)
+    return again
 
 
 def _written(move: Choice | tuple[float, float]) -> tuple[int, tuple[float, float], tuple[Ints32, ...]]:

@@ -130,23 +130,22 @@ class Simulation:
         decision, state, choice = self.decision, self.state, plain_choice(choice)
         if isinstance(choice, PATHS):
             walk = checked_walk(choice, self._here(), self.mapper.grid.shape)
-            state.begin_step(walk if len(walk.sights) else walk.path, goal=None)
-            if self._follow(*walk):
-                self._scan(full_turn=True)
+            with state.move(walk if len(walk.sights) else walk.path):
+                if self._follow(*walk):
+                    self._scan(full_turn=True)
         elif choice == STOP:
-            state.moves.append(STOP)
-            state.finish(StopReason.AGENT)
+            state.stop()
             return decision
         elif not isinstance(choice, (int, np.integer)) or not 0 <= choice < len(decision.frontiers):
             told = f"{len(decision.frontiers)}, STOP ({STOP}), or a path as an array of cells"
             raise ConfigError(f"there is no frontier {shortened(choice)}: this decision has {told}")
         else:
             frontier = decision.frontiers[choice]
-            state.begin_step(int(choice), goal=frontier.centroid)
             path = decision.field.path_to(frontier.viewpoint)
             members = frontier.cells.copy()  # of a read-only array kernels would be compiled once more
-            if self._follow(path, members, frontier.viewpoint):
-                self._look(members, frontier.viewpoint)
+            with state.move(int(choice), frontier.centroid):
+                if self._follow(path, members, frontier.viewpoint):
+                    self._look(members, frontier.viewpoint)
         return self._next()
 
     def drive(self, forward: float, turn: float = 0.0) -> Motion:
@@ -163,12 +162,12 @@ class Simulation:
         if not (math.isfinite(forward) and math.isfinite(turn)):
             raise ConfigError(f"drive needs finite numbers, got forward={forward}, turn={turn}")
         state, robot = self.state, self.state.robot
-        state.begin_step((float(forward), float(turn)), goal=state.goal)
-        if turn:
-            robot.turn_to(robot.believed.theta + turn)
-        theta = robot.believed.theta
-        motion = self._translate(forward * math.cos(theta), forward * math.sin(theta))
-        return motion._replace(new_cells=motion.new_cells + self._scan().new_cells)
+        with state.move((float(forward), float(turn)), state.goal):
+            if turn:
+                robot.turn_to(robot.believed.theta + turn)
+            theta = robot.believed.theta
+            motion = self._translate(forward * math.cos(theta), forward * math.sin(theta))
+            return motion._replace(new_cells=motion.new_cells + self._scan().new_cells)
 
     @property
     def done(self) -> bool:
@@ -269,10 +268,11 @@ class Simulation:
         if path is None:
             self.state.decision = None  # What was asked for on the way has outdated its distances.
             return False
-        self._follow(path, NO_SIGHTS)
-        for _ in range(SCANS):
-            if not self.done:
-                self._scan(full_turn=True)
+        with self.state.on_the_move():
+            self._follow(path, NO_SIGHTS)
+            for _ in range(SCANS):
+                if not self.done:
+                    self._scan(full_turn=True)
         self.state.second_look.note(self.robot.believed)
         return not self.done
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from layoutexplore.errors import ConfigError, shortened
-from layoutexplore.frontiers.decision import CellPath, Choice, Decision, Predictor, Truth
+from layoutexplore.frontiers.decision import STOP, CellPath, Choice, Decision, Predictor, Truth
 from layoutexplore.frontiers.detection import FrontierDetector
 from layoutexplore.frontiers.viewpoints import ViewpointSelector
 from layoutexplore.grids.arrays import Mask
@@ -69,6 +71,7 @@ class SimulationState:
         decisions: Number of decisions acted on.
         stop_reason: Why the run ended, a `StopReason`; "" while it goes on.
         moves: What was done since the reset: choices, and of motion primitives (forward, turn).
+        cut_at: Which of them, the first if several, an error or Ctrl-C has cut short; None where none was.
         explored: Metres when the robot set out for its start; None before that.
         goal: World point of the frontier that the robot was last sent to; None before that.
         localiser: Corrects the believed pose by each scan; None without drift.
@@ -96,6 +99,7 @@ class SimulationState:
     decisions: int = 0
     stop_reason: StopReason = StopReason.GOES_ON
     moves: list[Choice | tuple[float, float]] = dataclasses.field(default_factory=list)
+    cut_at: int | None = None
     explored: float | None = None
     goal: tuple[float, float] | None = None
     localiser: Localiser | None = None
@@ -115,11 +119,29 @@ class SimulationState:
         """What is travelled from now on is the way back and no longer counts."""
         self.explored = self.distance
 
-    def begin_step(self, move: Choice | tuple[float, float], goal: tuple[float, float] | None) -> None:
+    @contextmanager
+    def move(
+        self, move: Choice | tuple[float, float], goal: tuple[float, float] | None = None
+    ) -> Iterator[None]:
         """A decision is acted on; the goal is the middle of the frontier that is gone to, if one is."""
         self.moves.append(move)
         self.decisions += 1
         self.decision, self.goal = None, goal
+        with self.on_the_move():
+            yield
+
+    @contextmanager
+    def on_the_move(self) -> Iterator[None]:
+        """What is done within belongs to the last move, which is cut short where it comes to no end."""
+        before = self.cut_at
+        self.cut_at = len(self.moves) - 1 if before is None else before
+        yield
+        self.cut_at = before
+
+    def stop(self) -> None:
+        """The agent's last move."""
+        self.moves.append(STOP)
+        self.finish(StopReason.AGENT)
 
     def finish(self, reason: StopReason) -> None:
         """The run is over, unless it was before."""

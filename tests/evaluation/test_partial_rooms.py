@@ -5,6 +5,7 @@ The oracle is perfect, seeing alone is nothing, stored snapshots are the same.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections import Counter
 from pathlib import Path
@@ -16,7 +17,7 @@ from typer.testing import CliRunner
 
 from layoutexplore import cli
 from layoutexplore.agents import make_agent
-from layoutexplore.errors import ConfigError, WriteError
+from layoutexplore.errors import ConfigError, UnknownNameError, WriteError
 from layoutexplore.evaluation.partial_rooms import find_items, score_predictors
 from layoutexplore.evaluation.partial_rooms_summary import (
     calibration_error,
@@ -26,10 +27,12 @@ from layoutexplore.evaluation.partial_rooms_summary import (
     summarise_parts,
 )
 from layoutexplore.frontiers.decision import Decision
+from layoutexplore.grids.arrays import Ints32
+from layoutexplore.layout.doorways import doorway_regions
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
-from layoutexplore.predictors import make_room_predictor
+from layoutexplore.predictors import make_predictor, make_room_predictor
 from layoutexplore.predictors.protocol import RoomLabels
 from layoutexplore.predictors.snapshot import Snapshot
 from layoutexplore.training.snapshots import explore_plan
@@ -138,6 +141,23 @@ def test_predictors_of_one_name_are_refused(snapshots: list[Snapshot]) -> None:
         score_predictors(snapshots, made)
     twice = score_predictors(snapshots, dict(zip("ab", made, strict=True)))
     assert list(twice.milliseconds) == ["a", "b"]
+
+
+class SeenRooms:
+    """Knows the regions between doorways that are seen, and nothing else."""
+
+    def rooms(self, decision: Decision) -> Ints32:
+        return doorway_regions(decision.grid.cells, decision.grid.resolution).labels
+
+
+def test_predictors_are_given_by_name_and_as_they_are(snapshots: list[Snapshot]) -> None:
+    found = score_predictors(snapshots, [SeenRooms(), "oracle", None, make_room_predictor("hull")])
+    assert list(found.milliseconds) == ["SeenRooms", "oracle", "none", "hull"]
+    same = score_predictors(snapshots, {"a": SeenRooms, "b": make_predictor(SeenRooms())})
+    rooms = [[dataclasses.replace(r, predictor="") for r in same.rooms if r.predictor == n] for n in "ab"]
+    assert rooms[0] == rooms[1] and all(room.hidden_iou == 0 for room in rooms[0])
+    with pytest.raises(UnknownNameError, match="orcale"):
+        score_predictors(snapshots, ["orcale"])
 
 
 class Failing:

@@ -13,6 +13,7 @@ from layoutexplore.frontiers.decision import STOP, Decision, Walk
 from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.maps.library import load_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.predictors import make_predictor
 from layoutexplore.predictors.robot_map import RobotMap
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
@@ -47,7 +48,7 @@ def opening() -> OccupancyGrid:
 def test_its_decisions_are_those_of_a_simulation_that_knows_the_same() -> None:
     simulation = run()
     simulation.reset(seed=1)
-    robot_map = RobotMap("none", clean=False)
+    robot_map = RobotMap(make_predictor("none"), clean=False)
     asked = 0
     while not simulation.done:
         decision = robot_map.decide(copied(simulation.mapper.grid), simulation.pose)

@@ -45,6 +45,13 @@ def test_results_say_in_a_line_what_they_are() -> None:
     for thing, begin in [*told.items(), (episode, f"Episode(curve=float64 ({len(episode.curve)}, 2), ")]:
         assert repr(thing).startswith(begin), repr(thing)
         assert len(repr(thing)) < 1000 and "\n" not in repr(thing)
+    assert repr(decision.frontiers) == f"FrontierList({[*decision.frontiers]})"
+
+
+def test_who_gives_a_name_for_an_agent_is_told_what_makes_one() -> None:
+    for given_for_one in ("nearest", object):
+        with pytest.raises(ConfigError, match=r"must have the method reset, got .*make_agent"):
+            play(Simulation(house()), given_for_one)  # type: ignore[arg-type]
 
 
 def test_a_stuck_agent_fails(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,9 +161,19 @@ def test_ctrl_c_stays_what_it_is() -> None:
     def end(decision: Decision) -> None:
         raise KeyboardInterrupt
 
-    simulation, _ = prepare(house(), SimulationConfig(), "nearest")
+    simulation, agent = prepare(house(), SimulationConfig(), "nearest")
     with pytest.raises(KeyboardInterrupt):
         play(simulation, Meddler(end))
+
+    def end_in_a_kernel(decision: Decision) -> None:
+        """Numba looks for its classes as it hands out results; where Ctrl-C comes then, that fails."""
+        try:
+            end(decision)
+        except KeyboardInterrupt as ctrl_c:
+            raise SystemError("CPUDispatcher(...) returned a result with an exception set") from ctrl_c
+
+    with pytest.raises(KeyboardInterrupt):
+        play(Simulation(house(), predictor=Meddler(end_in_a_kernel)), agent)
 
 
 @pytest.mark.parametrize(

@@ -134,6 +134,37 @@ def test_a_run_that_is_over_is_over_again(tmp_path: Path) -> None:
         save_simulation(simulation, tmp_path / "run.npz")
 
 
+@pytest.mark.parametrize("config", ["exact", "drift"])
+def test_a_move_that_is_cut_short_is_left_out(tmp_path: Path, config: str) -> None:
+    """Ctrl-C comes at any scan; a program that catches it saves a run that goes on."""
+    simulation, whole = Simulation(offices(), CONFIGS[config]), Simulation(offices(), CONFIGS[config])
+    file, saved, before = tmp_path / "run.npz", [], 0
+
+    def interrupt(_: Simulation) -> None:
+        if simulation.decisions > before:
+            raise KeyboardInterrupt
+
+    for first, drives in ((0, False), (1, False), (3, False), (2, True)):
+        simulation.on_scan, before = None, first
+        for one in (simulation, whole):
+            one.reset(seed=1)
+            for _ in range(first):
+                one.step(0)
+        simulation.on_scan = interrupt
+        with pytest.raises(KeyboardInterrupt):
+            simulation.drive(0.5, 1.0) if drives else simulation.step(0)
+        simulation.on_scan = None
+        save_simulation(simulation, file)
+        assert digest(load_simulation(file, offices())) == digest(whole)
+        simulation.step(0)
+        with pytest.raises(ConfigError, match="went on after a move that was cut short"):
+            save_simulation(simulation, file)
+    simulation.reset(seed=1)
+    simulation.on_scan = lambda one: saved.append(save_simulation(one, file)) if one.decisions == 1 else None
+    simulation.step(0)
+    assert saved and load_simulation(file, offices()).decisions == 0
+
+
 def test_what_is_no_saved_run_is_refused(tmp_path: Path) -> None:
     file, other = tmp_path / "run.npz", tmp_path / "other.npz"
     simulation = Simulation(offices(), CONFIGS["exact"])
