@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 import sys
 import warnings
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 import layoutexplore
 from layoutexplore.errors import LayoutExploreError, MapWarning, shortened
@@ -26,8 +28,30 @@ GROUPS = (
 )
 """Modules of this package with commands, in the order in which the help shows them."""
 
+MEANT = {"--config": ".toml", "--plans": "", "--agent": ""}
+"""Options by which a word too many may be meant if it ends so: the first one that the command has."""
+
+
+class Commands(TyperGroup):
+    """All commands; of a word too many it is said by which option it may be meant."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was named."""
+        try:
+            return super().invoke(ctx)
+        except Exception as error:  # Typer has Click's errors under different names in different versions
+            told, context = str(getattr(error, "message", "")), getattr(error, "ctx", None)
+            if context and (surplus := re.match(r"Got unexpected extra argument\S* \((\S+?)[ )]", told)):
+                word = surplus[1]
+                known = {name for option in context.command.params for name in option.opts}
+                meant = [name for name, end in MEANT.items() if name in known and word.endswith(end)]
+                vars(error)["message"] = told + "".join(f": perhaps {name} {word}" for name in meant[:1])
+            raise
+
+
 app = typer.Typer(
     name="layoutexplore",
+    cls=Commands,
     help="Explore unknown buildings with a simulated lidar and a predicted layout.",
     epilog="Start with: [bold]layoutexplore benchmark[/bold]  or  [bold]layoutexplore explore office-01 "
     "--agent tour[/bold]",

@@ -61,3 +61,21 @@ def test_a_plan_to_train_on_is_read_before_training_begins(
     assert "no known format of floor plans" in capsys.readouterr().err
     assert run(monkeypatch, "train", "--out", str(out), "--seed", "99999999999") == 2
     assert "seed must be a whole number from 0" in capsys.readouterr().err and not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        ("benchmark study.toml", "--config study.toml"),
+        ("benchmark office-01 office-02", "--plans office-01"),
+        ("explore office-01 layout-tour", "--agent layout-tour"),
+        ("maps list office-01", ""),
+    ],
+)
+def test_a_word_too_many_is_told_with_its_option(
+    words: str, option: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(monkeypatch, *words.split()) == 2
+    told = " ".join(capsys.readouterr().err.replace("│", "").split())
+    assert "Got unexpected extra argument" in told
+    assert f"perhaps {option} ╰" in told.replace("─", "") + " ╰" if option else "perhaps" not in told
