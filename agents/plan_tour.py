@@ -73,7 +73,7 @@ class PlanTourOptions(ReplannedTourOptions):
         low=0.0,
         high=1.0,
     )
-    early: float = option(1.0, "what a metre before 95 % costs more than one after it", low=0.0)
+    early: float = option(0.3, "what a metre before 95 % costs more than one after it", low=0.0)
     early_sure: float = option(0.3, "the same where what is foreseen is certain", low=0.0)
     rounds: int = option(
         3,
