@@ -9,6 +9,7 @@ from numba import njit
 
 from layoutexplore.agents.omniscient.places import Places
 from layoutexplore.agents.omniscient.visibility import SPARE, Bits, FloorInView, Visibility, size
+from layoutexplore.agents.watchful_tour import WatchfulTourOptions
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.frontiers.tour_features import MOST_AREA, area_in_doubt
@@ -29,9 +30,7 @@ NEAR_FRONTIER = 1.2
 """Metres: a place that is nearer to a frontier's viewpoint, in sight of it, stands for it in a route."""
 
 OPEN_SHARE = 0.3
-"""A frontier leads beyond what is foreseen where nothing is foreseen beside so large a share of its cells;
-by doubtful foresight also where floor is beside a smaller one and its class is open: what is drawn as wall
-may be a room."""
+"""A frontier leads beyond what is foreseen where nothing is foreseen beside so large a share of its cells."""
 
 
 class ForeseenFloor:
@@ -51,7 +50,7 @@ class ForeseenFloor:
     places: Places
     seen: Bits
 
-    def __init__(self, lattice: float, doubted: float = 3.0) -> None:
+    def __init__(self, lattice: float, doubted: float = WatchfulTourOptions.doubted) -> None:
         self._lattice, self._doubted = lattice, doubted
         self._cells: Cells | None = None
         self._scene: FloorInView | None = None
@@ -121,8 +120,8 @@ class ForeseenFloor:
         in_view, leads_on = np.minimum(table.visible_area, MOST_AREA), table.closed <= 0.0
         area = np.where(leads_on, in_view, np.minimum(in_view, area_in_doubt(decision)))
         is_open = (beside.nothing >= OPEN_SHARE) & (leads_on | (area >= self._doubted))
-        if foresight.confidence < 1.0:
-            is_open |= (beside.floor < OPEN_SHARE) & (table.closed < 0.0)
+        if foresight.confidence < 1.0:  # What is drawn as wall may be a room.
+            is_open |= ~beside.is_told & (table.closed < 0.0)
         self.open = np.flatnonzero(is_open)
         views[:, visibility.spare :] = 0
         bits = np.maximum(1, np.round(area[self.open] / visibility.cell_area)).astype(np.int64)

@@ -128,6 +128,10 @@ class Foresight:
         return Beside(*_shares_beside(known, self.cells, clusters.cells, clusters.offsets))
 
 
+TOLD = 0.3
+"""Share of a frontier's cells beside which floor is foreseen, from which on it is told what is behind."""
+
+
 class Beside(NamedTuple):
     """Shares of the cells of frontiers; where neither is foreseen beside a cell, a wall is.
 
@@ -138,6 +142,12 @@ class Beside(NamedTuple):
 
     floor: Floats
     nothing: Floats
+
+    @property
+    def is_told(self) -> Mask:
+        """Bool (k,): whether foresight tells what is behind each frontier: floor, not a wall or nothing."""
+        told: Mask = self.floor >= TOLD
+        return told
 
 
 @njit(cache=True, nogil=True)

@@ -37,9 +37,6 @@ SURE = 0.5
 DOUBTED = 0.5
 """Share of that confidence below which a plan that was believed is believed no longer."""
 
-TOLD = 0.3
-"""Share of a frontier's cells beside which a plan shows floor, from which on it tells what is behind."""
-
 TRUE_PRESETS = ("true", "rough", "corridors", "mirrored")
 """Presets that show the floor of the run, well or badly."""
 
@@ -177,8 +174,7 @@ def _completed(shipped: Decision, foreseen: Foresight) -> Decision:
     passable = (cells == FREE) | foreseen.hidden(cells)
     ids = owners_of(shipped.rooms.sketch, foreseen, cells, alone=True)[foreseen.room_ids]
     classes = classify_frontiers(cells, shipped.clusters, ids, passable, foreseen.resolution)
-    beside = foreseen.beside(cells, shipped.clusters)
-    told = (classes.room > 0) & (beside.floor >= TOLD)
+    told = (classes.room > 0) & foreseen.beside(cells, shipped.clusters).is_told
     rooms = np.array([frontier.room or 0 for frontier in shipped.frontiers], np.int32)
     judged = dataclasses.replace(
         classes,

@@ -55,13 +55,8 @@ def shares_cell_by_cell(known: Cells, foreseen: Cells, clusters: FrontierCluster
     shares = []
     for k in range(len(clusters)):
         beside = [
-            {
-                int(around[r, c + 1]),
-                int(around[r + 2, c + 1]),
-                int(around[r + 1, c]),
-                int(around[r + 1, c + 2]),
-            }
-            for r, c in clusters.cluster(k).tolist()
+            {around[r, c + 1], around[r + 2, c + 1], around[r + 1, c], around[r + 1, c + 2]}
+            for r, c in clusters.cluster(k)
         ]
         shares.append([np.mean([value in values for values in beside]) for value in (FREE, UNKNOWN)])
     floor, nothing = np.array(shares).reshape(-1, 2).T
