@@ -332,7 +332,7 @@ def _way_out(grid: OccupancyGrid, pose: Pose, radius: float) -> Ints32:
     """The shortest path int32 (k, 2) from the robot's cell to the nearest one from which it can plan.
 
     Maps and poses are off by a cell or two: to the map, a robot beside a wall stands too near to it, or in
-    it. Where the robot is, nothing can be in its way.
+    it. Where the robot is, nothing can be in its way; but from free cells that lead on, walls are not passed.
     """
     here = grid.world_to_cell(pose.x, pose.y)
     margin = in_cells(WAY_OUT, grid.resolution) + math.ceil(radius / grid.resolution)
@@ -343,13 +343,18 @@ def _way_out(grid: OccupancyGrid, pose: Pose, radius: float) -> Ints32:
     own[at] = True
     if (room & dilate_by_disc(own, 1)).any():  # it has room, or beside it there is
         return np.array([here], np.int32)
-    passable = ~occupied | dilate_by_disc(own, radius / grid.resolution)
-    lengths = geodesic_distances(passable, at, grid.resolution)
+    passable, leads_on = ~occupied, False
+    if cells[at] == FREE:
+        lengths = geodesic_distances(passable, at, grid.resolution)
+        leads_on = bool((np.isfinite(lengths) & (room | (lengths > WAY_OUT))).any())
+    if not leads_on:
+        passable |= dilate_by_disc(own, radius / grid.resolution)
+        lengths = geodesic_distances(passable, at, grid.resolution)
     nearest = np.unravel_index(np.where(room, lengths, np.inf).argmin(), cells.shape)
     if not (room[nearest] and lengths[nearest] <= WAY_OUT):
         raise StartError(
-            f"the robot has no room at ({pose.x:g}, {pose.y:g}) nor within {WAY_OUT:g} m of it: its map has "
-            f"no free cells there that are {radius:g} m (robot_radius) from what is occupied"
+            f"the robot has no room at ({pose.x:g}, {pose.y:g}) nor within {WAY_OUT:g} m of it: it gets to "
+            f"no free cells of its map there that are {radius:g} m (robot_radius) from what is occupied"
         )
     return descend(lengths, passable, Cell(*map(int, nearest))) + np.array([top, left], np.int32)
 

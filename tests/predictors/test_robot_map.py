@@ -167,6 +167,20 @@ def test_a_robot_to_whom_the_map_leaves_no_room_gets_out(x: float) -> None:
     np.testing.assert_allclose(robot_map.way(decision, path), way)  # an agent that plans its own way
 
 
+def test_a_robot_in_a_narrow_passage_is_not_led_through_its_walls() -> None:
+    """A passage of four cells between two rooms, each behind a wall of one cell, opens into one of them."""
+    cells = np.full((40, 60), 100, np.int8)
+    cells[1:17, 1:59] = cells[18:22, 1:59] = cells[23:39, 1:59] = 0
+    cells[22, 1:20], cells[5:11, 59], cells[30:36, 59] = 0, -1, -1
+    grid, robot_map = OccupancyGrid(cells, 0.1), RobotMap("none", robot_radius=0.3)
+    decision = robot_map.decide(grid, Pose(2.65, 1.95))
+    assert len(decision.frontiers) == 1
+    way = grid.world_to_cells(robot_map.way(decision, 0))
+    assert (cells[way[:, 0], way[:, 1]] == 0).all()
+    with pytest.raises(StartError, match=r"no room at \(4.5, 1.95\)"):
+        robot_map.decide(grid, Pose(4.5, 1.95))
+
+
 def test_a_robot_without_room_within_a_metre_is_told() -> None:
     grid = opening()
     with pytest.raises(StartError, match=r"no room at \(5.5, 2\)"):
