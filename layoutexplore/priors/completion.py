@@ -10,7 +10,7 @@ import numpy as np
 from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Bytes, Cells, Floats, Ints, Ints32, Mask
-from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, in_cells
+from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose, in_cells
 from layoutexplore.grids.morphology import disc, with_neighbours
 from layoutexplore.priors.openings import with_ways_in
 from layoutexplore.priors.registration import Hypothesis, Registration, thinned
@@ -46,7 +46,7 @@ that are held for wrong before any is seen."""
 
 
 class PlanOnMap:
-    """The plan on a robot's grid from decision to decision: redrawn only when its place has changed.
+    """The plan on a robot's grid from decision to decision: redrawn when its place or the grid's has changed.
 
     A planner that works on what is foreseen need not begin anew for every centimetre.
     """
@@ -54,6 +54,7 @@ class PlanOnMap:
     def __init__(self) -> None:
         self._placed: WarpedPlacement | None = None
         self._drawn: tuple[Cells, Ints32] | None = None
+        self._frame: tuple[tuple[int, int], float, Pose] | None = None
 
     def foresee(
         self, registration: Registration, grid: OccupancyGrid, confidence: float, name: str
@@ -66,13 +67,14 @@ class PlanOnMap:
             confidence: Probability that the hypothesis is right.
             name: Of the predictor.
         """
-        best = registration.hypotheses[0]
-        if self._drawn is None or self._placed is None or self._drawn[0].shape != grid.shape:
+        best, frame = registration.hypotheses[0], (grid.shape, grid.resolution, grid.origin)
+        if self._drawn is None or self._placed is None or self._frame != frame:
             moved = np.inf
         else:
             moved = best.distance_to(self._placed, registration.evidence)
         if moved > HELD:
             self._placed, self._drawn = best.placed, drawn_on(registration, best, grid)
+            self._frame = frame
         assert self._drawn is not None
         cells, ids = self._drawn[0].copy(), self._drawn[1].copy()
         silent = contradicted_rooms(registration, best) | rooms_apart(registration, best)

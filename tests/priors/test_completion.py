@@ -56,6 +56,19 @@ def test_a_plan_is_drawn_alike_on_a_grid_that_is_turned(theta: float) -> None:
     assert (here.cells != there.cells).mean() < 0.01 and (here.room_ids != there.room_ids).mean() < 0.01
 
 
+def test_a_plan_is_drawn_anew_on_a_grid_of_the_same_shape_that_lies_elsewhere() -> None:
+    """A map that goes with its robot: the cells come to lie elsewhere, the plan does not."""
+    grid, follower = seen_part(office(), 0.5), PlanOnMap()
+    registration = registered(grid)
+    follower.foresee(registration, grid, 0.9, "prior")
+    cells = np.full_like(grid.cells, UNKNOWN)
+    cells[:, 10:] = grid.cells[:, :-10]
+    origin = grid.origin._replace(x=grid.origin.x - 10 * grid.resolution)
+    moved = OccupancyGrid(cells, grid.resolution, origin)
+    found, anew = (each.foresee(registration, moved, 0.9, "prior") for each in (follower, PlanOnMap()))
+    assert (found.cells != anew.cells).mean() < 1e-3 and (found.room_ids != anew.room_ids).mean() < 1e-3
+
+
 def test_far_outside_nothing_is_foreseen() -> None:
     grid = seen_part(office(), 0.5)
     padded = OccupancyGrid(
