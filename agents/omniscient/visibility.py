@@ -101,7 +101,6 @@ class Visibility:
         labels = np.full((scene.occupied.shape[0] + 2, scene.occupied.shape[1] + 2), _WALL, np.int32)
         self._numbers = np.full(scene.occupied.shape, _FLOOR, np.int32)
         self._numbers.ravel()[self.sample] = np.arange(self.count)
-        self._inner = labels[1:-1, 1:-1]
         reach = scene.sensor.range_max / self.resolution
         turning = _BEAMS_TURNING if fixed else _BEAMS_FORESEEN
         self._around = _Scanner(labels, *beam_table(_thinned(around(scene.sensor), turning)), reach)
@@ -110,7 +109,8 @@ class Visibility:
 
     def adapt(self, scene: FloorInView) -> None:
         """Look at a floor of the same shape that has changed from now on."""
-        self._inner[:] = np.where(scene.occupied, _WALL, self._numbers)
+        # Both scanners have the same labels, also in a copy.
+        self._around.labels[1:-1, 1:-1] = np.where(scene.occupied, _WALL, self._numbers)
         self.target = self.set_of(scene.target)
 
     def set_of(self, mask: Mask) -> Bits:

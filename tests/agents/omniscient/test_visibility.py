@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -45,6 +49,22 @@ def test_visibility_ahead_and_around() -> None:
     assert 0 < size(ahead) < size(both) and 0 < size(back) < size(both)
     assert size(visibility.walking(path[:4])) == 0, "no scan falls due on a short way"
     assert around(simulation.config.lidar).full_turn
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda each: pickle.loads(pickle.dumps(each))])
+def test_a_copy_follows_a_floor_that_changes(copied: Callable[[Visibility], Visibility]) -> None:
+    simulation = Simulation(offices(), SimulationConfig(sensor="stage"))
+    simulation.reset(seed=0)
+    scene = FloorInView.of(simulation.truth)
+    visibility = Visibility(scene, 0.5, fixed=False)
+    other = copied(visibility)
+    walled = scene.occupied.copy()
+    walled[:, walled.shape[1] // 2] = True
+    path = np.array([[36, col] for col in range(30, 60)], np.int32)
+    for each in (visibility, other):
+        each.adapt(scene._replace(occupied=walled))
+    assert np.array_equal(visibility.turning(path), other.turning(path))
+    assert np.array_equal(visibility.walking(path), other.walking(path))
 
 
 def test_sets_are_counted() -> None:
