@@ -134,8 +134,8 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
         return ReadPicture(plan_of_nothing(name, reason), 1.0 / shrink, (0.0, float(image.shape[0])))
     pixel = told or LONGER_SIDE / max(float(np.ptp(dark, axis=0).max()), 1.0)
     # Thin walls of a plan that is larger than it was taken for would be erased as thin strokes.
-    config = BlueprintConfig() if told else BlueprintConfig(wall_width=0.0)
-    drawn, corner = _drawing(image, pixel, name, config)
+    config = BlueprintConfig(wall_width=0.0)
+    drawn, corner = _drawing_of_lines(image, pixel, name) if told else _drawing(image, pixel, name, config)
     spread = HINTED_SPREAD
     if not told:
         factor, spread = expected_scale(drawn)
@@ -207,6 +207,15 @@ def _drawing(
     ids = np.where(free, labels, 0).astype(np.int32)
     prior = PriorPlan(name=name, free=free, room_ids=ids, resolution=pixel)
     return prior, (float(cols.start), float(image.shape[0] - rows.start))
+
+
+def _drawing_of_lines(image: Bytes, pixel: float, name: str) -> tuple[PriorPlan, tuple[float, float]]:
+    """The same at a scale that is told: thin strokes are no walls, unless they are all that parts rooms."""
+    with contextlib.suppress(MapError):
+        found = _drawing(image, pixel, name, BlueprintConfig())
+        if found[0].rooms > 1:
+            return found
+    return _drawing(image, pixel, name, BlueprintConfig(wall_width=0.0))
 
 
 def _walls_of(image: Bytes, pixel: float, config: BlueprintConfig) -> OccupancyGrid:

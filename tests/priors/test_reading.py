@@ -75,6 +75,15 @@ def test_the_picture_is_read_back() -> None:
     assert prior.free[at[:, 1].astype(int), at[:, 0].astype(int)].mean() >= 0.8
 
 
+def test_a_scale_that_is_told_leaves_a_plan_of_single_lines_its_walls() -> None:
+    inside = np.pad(office().rasterize(0.05).free[::-1].astype(np.uint8), 20)
+    lines = (cv2.dilate(inside, np.ones((3, 3), np.uint8)) > 0) & (inside == 0)
+    image = np.where(lines[..., None], np.uint8(0), np.full(3, 255, np.uint8))
+    untold, told = (prior_of_picture(image, hints=PriorHints(scale=scale)).prior for scale in (None, 0.05))
+    assert not told.unused and told.resolution == 0.05
+    assert abs(told.rooms - untold.rooms) <= 2 and 8 <= told.rooms <= 14
+
+
 def test_a_reading_of_words_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """The plan is another one then: of two machines, or where memory was short."""
 
