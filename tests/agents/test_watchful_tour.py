@@ -58,6 +58,20 @@ def test_a_closed_frontier_that_may_be_open_does_not_wait() -> None:
         assert agent.plan(decision) == goes
 
 
+@pytest.mark.parametrize(("in_view", "first"), [(1.0, 6), (29.0, 17)])
+def test_where_all_frontiers_wait_the_one_with_much_in_view_comes_first(in_view: float, first: int) -> None:
+    """Its class may be wrong; six small remainders nearby do not come before it."""
+    small = [(1, col, 2.0, 1.0) for col in range(1, 7)]
+    decision = decide(CORRIDOR, *small, (1, 17, 2.0, in_view))
+    decision = judged(decision, closed=[True] * 7, area=[0.1] * 6 + [0.9])
+    decision = dataclasses.replace(
+        decision, frontiers=tuple(dataclasses.replace(each, confidence=0.98) for each in decision.frontiers)
+    )
+    agent = make_agent("watchful-tour")
+    agent.reset(0)
+    assert decision.viewpoints[agent.plan(decision), 1] == first
+
+
 def test_it_goes_a_step_at_a_time() -> None:
     decision = judged(decide(CORRIDOR, (1, 17, 2.0, 9.0)), closed=[False], area=[9.0])
     agent = make_agent("watchful-tour:step=2")
