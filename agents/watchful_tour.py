@@ -21,7 +21,7 @@ from layoutexplore.agents.base import register
 from layoutexplore.agents.room_aware import LookingTour, RoomAwareTourOptions
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import Choice, Decision
-from layoutexplore.frontiers.tour_features import MOST_AREA, area_in_doubt, ready_frontiers, tour_weights
+from layoutexplore.frontiers.tour_features import ready_frontiers, tour_weights, waiting
 from layoutexplore.grids.arrays import Floats, Ints
 from layoutexplore.options import option
 from layoutexplore.simulation.looking_around import LookingAround
@@ -98,13 +98,11 @@ def plan_watchful_tour(decision: Decision, options: ReplannedTourOptions) -> Int
     ready = ready_frontiers(decision, options.min_size, options.area, options.doubted)
     if len(ready) < 2:
         return ready
-    areas, table = promised_areas(decision, ready), decision.table
-    waits = (table.closed[ready] > 0.0) & (table.expected_area[ready] < options.area)
-    if not (waits & (area_in_doubt(decision)[ready] < options.doubted)).all():
-        return plan_latency_tour(decision, ready, options.patience, areas)
-    in_view = np.minimum(table.visible_area[ready], MOST_AREA)
-    areas = (1.0 - LAST_DOUBT) * areas + LAST_DOUBT * in_view
-    return plan_latency_tour(decision, ready, min(options.patience, LAST_PATIENCE), areas)
+    areas, patience = promised_areas(decision, ready), options.patience
+    if waiting(decision, options.area, options.doubted)[ready].all():
+        areas = (1.0 - LAST_DOUBT) * areas + LAST_DOUBT * tour_weights(decision, ready)
+        patience = min(patience, LAST_PATIENCE)
+    return plan_latency_tour(decision, ready, patience, areas)
 
 
 def promised_areas(decision: Decision, chosen: Ints) -> Floats:

@@ -18,7 +18,7 @@ from layoutexplore.errors import checks_arguments
 from layoutexplore.frontiers.classes import LITTLE_LEFT
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.table import Frontier
-from layoutexplore.grids.arrays import Floats, Ints
+from layoutexplore.grids.arrays import Floats, Ints, Mask
 from layoutexplore.options import Rule, check
 from layoutexplore.planning.latency_tours import UNCONNECTED, latency_tour
 
@@ -121,10 +121,17 @@ def ready_frontiers(
         doubted: Square metres; those do not of which as much is to be expected, as their class may be wrong.
     """
     chosen = sizeable_frontiers(decision, min_size)
-    table = decision.table
-    goes = (table.closed[chosen] <= 0.0) | (table.expected_area[chosen] >= area)
-    goes |= area_in_doubt(decision)[chosen] >= doubted
+    goes = ~waiting(decision, area, doubted)[chosen]
     return chosen[goes] if goes.any() else chosen
+
+
+@checks_arguments
+def waiting(decision: Decision, area: float = LITTLE_LEFT, doubted: float = np.inf) -> Mask:
+    """Bool (n,): which frontiers can wait; arguments as of `ready_frontiers`."""
+    table = decision.table
+    little = (table.expected_area < area) & (area_in_doubt(decision) < doubted)
+    waits: Mask = (table.closed > 0.0) & little
+    return waits
 
 
 @checks_arguments

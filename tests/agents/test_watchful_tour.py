@@ -24,10 +24,12 @@ NEAR_RIGHT = "####################\n#...........R......#\n####################"
 """The corridor of `CORRIDOR` with the robot further to the right."""
 
 
-def judged(decision: Decision, closed: Sequence[bool], area: Sequence[float]) -> Decision:
+def judged(
+    decision: Decision, closed: Sequence[bool], area: Sequence[float], confidence: float = 0.9
+) -> Decision:
     """The decision with classes and areas of its frontiers, nearest first."""
     frontiers = [
-        dataclasses.replace(frontier, is_closed=ends, expected_area=left, confidence=0.9)
+        dataclasses.replace(frontier, is_closed=ends, expected_area=left, confidence=confidence)
         for frontier, ends, left in zip(decision.frontiers, closed, area, strict=True)
     ]
     return dataclasses.replace(decision, frontiers=tuple(frontiers))
@@ -63,10 +65,7 @@ def test_where_all_frontiers_wait_the_one_with_much_in_view_comes_first(in_view:
     """Its class may be wrong; six small remainders nearby do not come before it."""
     small = [(1, col, 2.0, 1.0) for col in range(1, 7)]
     decision = decide(CORRIDOR, *small, (1, 17, 2.0, in_view))
-    decision = judged(decision, closed=[True] * 7, area=[0.1] * 6 + [0.9])
-    decision = dataclasses.replace(
-        decision, frontiers=tuple(dataclasses.replace(each, confidence=0.98) for each in decision.frontiers)
-    )
+    decision = judged(decision, closed=[True] * 7, area=[0.1] * 6 + [0.9], confidence=0.98)
     agent = make_agent("watchful-tour")
     agent.reset(0)
     assert decision.viewpoints[agent.plan(decision), 1] == first
