@@ -13,6 +13,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from layoutexplore.agents.base import Heuristic, register
+from layoutexplore.errors import shortened
 from layoutexplore.frontiers.decision import Choice, Decision
 from layoutexplore.frontiers.table import FrontierTable
 from layoutexplore.frontiers.tour_features import sizeable_frontiers
@@ -106,15 +107,22 @@ def best_index(scores: Scores, path_lengths: Floats) -> int:
     """The index of the greatest score; of equal ones the nearest, of equally near ones the first.
 
     Args:
-        scores: float64 (k,); those within a share of 1e-9 of the largest magnitude of the best are equal to
-            it.
+        scores: float64 (k,); those within a share of 1e-9 of the largest finite magnitude of the best are
+            equal to it, and one that is -inf is the best only where all are.
         path_lengths: float64 (k,), in metres.
+
+    Raises:
+        ValueError: A score is NaN or +inf.
 
     Example:
         >>> best_index(np.array([1.0, 3.0, 3.0 + 1e-12]), np.array([5.0, 4.0, 6.0]))
         1
     """
-    tied = np.flatnonzero(scores >= scores.max() - _TIE * np.abs(scores).max())
+    best = float(scores.max())
+    if not best < np.inf:
+        raise ValueError(f"frontiers are compared by scores that are numbers, got {shortened(scores)}")
+    largest = float(np.abs(scores[scores > -np.inf]).max(initial=0.0))
+    tied = np.flatnonzero(scores >= best - _TIE * largest)
     return int(tied[np.argmin(path_lengths[tied])])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.greedy import best_index
@@ -55,6 +56,16 @@ def test_ties_go_to_the_nearest_then_to_the_first() -> None:
     nothing_in_sight = decide(CORRIDOR, (1, 4, 2.0, 0.0), (1, 9, 2.0, 0.0))
     for name in ("cost-utility-0.5", "gain-over-distance", "gain-exp", "wait-3"):
         assert chosen(name, nothing_in_sight) == (1, 9)
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_scores_without_an_end_tie_with_none() -> None:
+    nearer = np.array([3.0, 1.0, 2.0])
+    assert best_index(np.array([5.0, -np.inf, 4.0]), nearer) == 0
+    assert best_index(np.full(3, -np.inf), nearer) == 1
+    for score in (np.inf, np.nan):
+        with pytest.raises(ValueError, match="scores that are numbers"):
+            best_index(np.array([5.0, score, 4.0]), nearer)
 
 
 def test_random_follows_its_seed() -> None:
