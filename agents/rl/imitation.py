@@ -25,6 +25,7 @@ from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.envs.frontier import FrontierEnv
 from layoutexplore.envs.observation import Observer
 from layoutexplore.frontiers.decision import PATHS, STOP, Agent, Decision, Privileged, path_of
+from layoutexplore.frontiers.walks import plain_choice
 from layoutexplore.grids.arrays import Ints
 
 NEAR = 1.0
@@ -89,7 +90,7 @@ def imitate(
 
 def teachers_choice(teacher: Agent, decision: Decision) -> int:
     """The frontier that a teacher goes to, or `STOP`; where it answers with a path, the first one on it."""
-    choice = teacher.act(decision)
+    choice = plain_choice(teacher.act(decision))
     if not isinstance(choice, PATHS):
         return int(choice)
     path = path_of(choice)

@@ -114,9 +114,10 @@ def _place(grid: OccupancyGrid, text: str | None) -> Pose:
 def _answer(agent: Agent, decision: Decision) -> Choice:
     """What the agent chooses; to stop where nothing is left."""
     from layoutexplore.frontiers.decision import STOP
+    from layoutexplore.frontiers.walks import plain_choice
 
     agent.reset(0)
-    return agent.act(decision) if decision.frontiers else STOP
+    return plain_choice(agent.act(decision)) if decision.frontiers else STOP
 
 
 def _rows(decision: Decision) -> list[dict[str, Any]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from layoutexplore.errors import ConfigError
@@ -15,8 +17,18 @@ NO_SIGHTS = np.empty((0, 2), np.int32)
 
 
 def plain_choice(choice: Choice) -> Choice:
-    """A choice as it is; that of a policy whose answer is an array of one number, shape (), as a number."""
-    return choice.item() if isinstance(choice, np.ndarray) and choice.ndim == 0 else choice
+    """A choice as it is; an array of one number, shape () or (1,), as policies answer, as that number.
+
+    Example:
+        >>> plain_choice(np.array([2])), plain_choice(np.int64(2))
+        (2, 2)
+    """
+    given: Any = choice
+    is_one = isinstance(given, np.ndarray) and given.ndim < 2 and given.size == 1
+    if is_one or isinstance(given, np.integer):
+        number: Choice = given.item()
+        return number
+    return choice
 
 
 def checked_walk(choice: CellPath | Walk, here: Cell, shape: tuple[int, int]) -> Walk:

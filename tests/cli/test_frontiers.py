@@ -75,6 +75,17 @@ def test_its_table_has_a_row_a_frontier(half_seen: tuple[Path, str]) -> None:
     assert "None" not in text  # without a predictor nothing is told of classes
 
 
+@pytest.mark.parametrize("answer", ["np.array([1])", "np.int64(1)"])
+def test_a_number_of_numpy_is_a_choice(half_seen: tuple[Path, str], tmp_path: Path, answer: str) -> None:
+    own = tmp_path / "own.py"
+    own.write_text(
+        "import numpy as np\nclass Policy:\n    def reset(self, seed): ...\n"
+        f"    def act(self, decision): return {answer}\n"
+    )
+    found = json.loads(call(str(half_seen[0]), "--at", half_seen[1], "--agent", f"{own}:Policy", "--json"))
+    assert found["choice"] == 1 and found["way"]
+
+
 def test_what_is_said_is_not_broken_into_short_lines(half_seen: tuple[Path, str], tmp_path: Path) -> None:
     path, here = half_seen
     long = tmp_path / f"{'long' * 20}.yaml"

@@ -84,11 +84,15 @@ def test_an_array_of_one_number_is_a_choice_as_policies_give_it() -> None:
             return self._choice
 
     simulation, _ = prepare(house(), SimulationConfig(), "layout-tour")
-    runs = [play(simulation, Policy(choice), probe=CounterfactualRollouts) for choice in (0, np.array(0))]
+    choices = (0, np.array(0), np.array([0]))  # the last one as for a batch of one decision
+    runs = [play(simulation, Policy(choice), probe=CounterfactualRollouts) for choice in choices]
     np.testing.assert_array_equal(runs[1].track, runs[0].track)
+    np.testing.assert_array_equal(runs[2].track, runs[0].track)
     simulation.reset()
     with pytest.raises(ConfigError, match=r"there is no frontier 0\.5"):
-        simulation.step(np.array(0.5))
+        simulation.step(np.array([0.5]))
+    with pytest.raises(ConfigError, match=r"a path is an integer array \(k, 2\) of cells, got int64 \(2,\)"):
+        simulation.step(np.array([0, 1]))
     simulation.step(np.array(STOP))
     assert simulation.stop_reason == "agent"
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 torch = pytest.importorskip("torch")
@@ -75,6 +77,13 @@ class Farthest:
         return len(decision.frontiers) - 1 if self.left >= 0 else STOP
 
 
+class Batched(Farthest):
+    """Answers as a policy does that is asked for a batch of one decision."""
+
+    def act(self, decision: Decision) -> Any:
+        return np.array([super().act(decision)])
+
+
 def few_slots() -> FrontierEnv:
     observation = ObservationConfig(max_frontiers=2, local_map=False, global_map=False)
     return FrontierEnv("apartment-01", sensor="short", observation=observation)
@@ -93,6 +102,14 @@ def test_a_teacher_is_followed_beyond_the_slots_and_until_it_stops(most: int) ->
     assert max(offered) > 2 and (alone.stop_reason == "agent") == (most == 6)
     asked = offered[:most] if most == 6 else offered[:-1]
     assert learnt.choices == [count - 1 for count in asked if count <= 2]
+
+
+def test_a_teacher_may_answer_with_an_array_of_one_number() -> None:
+    env, tracks = few_slots(), []
+    for teacher in (Farthest(6), Batched(6)):
+        attend(env, teacher, None, Demonstrations(), seed=0)
+        tracks.append(env.simulation.track.tolist())
+    assert tracks[0] == tracks[1]
 
 
 def test_a_policy_that_leads_is_taught_until_the_teacher_stops(tmp_path: Path) -> None:
