@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections import deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -132,7 +133,9 @@ class Registration:
         self.direction = 0.0
         self.start: tuple[float, float] | None = None
         self._searched = 0.0
-        self._job: tuple[CoarseSearch, Iterator[Slice]] | None = None
+        # Lists and no generator: what is under way can be copied and pickled.
+        self._job: tuple[CoarseSearch, deque[Slice]] | None = None
+        self._stretched = False
         self._found: list[Candidate] = []
         self._waiting: list[Candidate] = []
         self._shifted = 0.0
@@ -166,7 +169,7 @@ class Registration:
         """Look for the plan everywhere, by what has been seen, with walls in that direction (radians)."""
         self._searched, self.direction = self.evidence.area, direction
         search = CoarseSearch(self.fields, self._gains, self.evidence, self.direction)
-        self._job = search, self._slices()
+        self._job, self._stretched = (search, deque(self._slices())), False
 
     def _note_best(self) -> None:
         """Since when the best hypothesis has said the same of a place."""
@@ -195,7 +198,7 @@ class Registration:
         self._add(found)
 
     def _slices(self) -> Iterator[Slice]:
-        """Orientations and scales to search, likeliest first."""
+        """Orientations and scales to search, likeliest first; the best ones are then stretched, too."""
         reach = max(2.5 * self.prior.scale_spread, SCALE_STEP)
         steps = math.ceil(reach / SCALE_STEP)
         scales = np.arange(-steps, steps + 1, dtype=np.float64) * SCALE_STEP
@@ -210,7 +213,6 @@ class Registration:
                 if abs(off) > math.pi / 4:
                     continue
             yield part
-        yield from self._aspects()
 
     def _aspects(self) -> Iterator[Slice]:
         """The best orientations and scales found so far, with the plan stretched along either axis."""
@@ -226,11 +228,14 @@ class Registration:
         assert self._job is not None
         search, waiting = self._job
         while budget > 0:
-            part = next(waiting, None)
-            if part is None:
+            if not waiting and not self._stretched:
+                waiting.extend(self._aspects())
+                self._stretched = True
+            if not waiting:
                 self._job = None
                 self._waiting, self._found = self._likeliest(self._found), []
                 return
+            part = waiting.popleft()
             budget -= search.cost(part)
             self._found += search.run(part)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -14,10 +15,13 @@ from layoutexplore.grids.grid import OccupancyGrid, Pose
 from layoutexplore.maps.library import load_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
 from layoutexplore.predictors import make_predictor
+from layoutexplore.predictors.prior_plan import PriorPredictor
 from layoutexplore.predictors.robot_map import RobotMap
+from layoutexplore.priors.presets import study_prior
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 from tests.plans import FLAT
+from tests.priors.cases import office, seen_part
 
 
 def run(sensor: str = "stage") -> Simulation:
@@ -240,6 +244,16 @@ def test_a_map_that_has_not_changed_is_not_looked_at_again() -> None:
     second = robot_map.decide(copied(grid), Pose(1.5, 1.0))
     assert second.grid is first.grid
     assert numbers(second) == numbers(RobotMap("layout").decide(grid, Pose(1.5, 1.0)))
+
+
+def test_it_can_be_pickled_while_a_plan_known_beforehand_is_looked_for() -> None:
+    floor = office()
+    robot_map, here = RobotMap(PriorPredictor(study_prior("true", floor, 0).prior)), Pose(2.0, 6.0)
+    for share in (0.3, 0.5, 0.5):
+        robot_map.decide(seen_part(floor, share), here)
+        later = pickle.loads(pickle.dumps(robot_map))
+    found = [known.decide(seen_part(floor, 0.6), here) for known in (robot_map, later)]
+    assert numbers(found[0]) == numbers(found[1]) and found[0].foresight is not None
 
 
 def test_probabilities_count_as_ros_counts_them() -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
+import pickle
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -123,6 +127,16 @@ def test_the_same_map_gives_the_same_hypotheses() -> None:
     made = study_prior("rough", office(), 5)
     first, second = (registered(made.prior, 0.3, 0.5) for _ in range(2))
     assert [h.total for h in first.hypotheses] == [h.total for h in second.hypotheses]
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, lambda made: pickle.loads(pickle.dumps(made))])
+def test_a_copy_goes_on_with_a_search_as_the_first_one_does(copied: Callable[[Any], Any]) -> None:
+    first = Registration(study_prior("true", office(), 0).prior)
+    for share in (0.3, 0.5, 0.5, 0.5):  # a search begins anew at the second, and goes on at the next ones
+        later = copied(first)
+        for registration in (first, later):
+            registration.update(seen_part(office(), share))
+        assert [h.total for h in later.hypotheses] == [h.total for h in first.hypotheses]
 
 
 def test_a_plan_of_kilometres_is_searched_bit_by_bit(monkeypatch: pytest.MonkeyPatch) -> None:
