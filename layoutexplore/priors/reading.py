@@ -17,7 +17,7 @@ from layoutexplore.files.images import read_pixels
 from layoutexplore.files.reading import is_file, is_there
 from layoutexplore.grids.arrays import Bytes, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
-from layoutexplore.grids.ros_map import IMAGE_SUFFIXES
+from layoutexplore.grids.ros_map import IMAGE_SUFFIXES, YAML_SUFFIXES
 from layoutexplore.layout.blueprint import BlueprintConfig, channel_range, grid_from_blueprint, on_paper
 from layoutexplore.layout.pipeline import reconstruct
 from layoutexplore.maps.formats.building_files import split_level
@@ -99,7 +99,10 @@ def read_prior(path: str | os.PathLike[str], hints: PriorHints | None = None) ->
             raise MapError(f"{place}: {error}") from error
     plan = load_plan(path)
     prior = prior_of_plan(plan, hints)
-    return dataclasses.replace(prior, name=path if is_there(place) else plan.name)
+    reason = prior.unused
+    if reason and place.suffix.lower() in YAML_SUFFIXES and not shows_rooms(path):
+        reason += f"; `layoutexplore maps import {place} --out PLAN.geojson` makes a plan with rooms of it"
+    return dataclasses.replace(prior, name=path if is_there(place) else plan.name, unused=reason)
 
 
 @checks_arguments

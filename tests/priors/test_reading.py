@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from layoutexplore.errors import LayoutExploreError, MapError, MapWarning, MissingExtraError
+from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
 from layoutexplore.priors.plan import PriorHints, PriorPlan
 from layoutexplore.priors.presets import study_prior
 from layoutexplore.priors.reading import paper_share, prior_of_picture, read_prior
-from tests.priors.cases import door_middles, office
+from tests.priors.cases import door_middles, office, seen_part
 
 
 def sheet(style: PictureStyle | None = None) -> np.ndarray:
@@ -148,6 +149,16 @@ def test_a_picture_of_one_room_is_not_used() -> None:
     image = np.full((600, 800, 3), 255, np.uint8)
     cv2.rectangle(image, (100, 100), (700, 500), (0, 0, 0), 8)
     assert "1 room" in prior_of_picture(image).prior.unused
+
+
+def test_the_map_of_a_robot_without_rooms_tells_how_to_get_some(tmp_path: Path) -> None:
+    path = tmp_path / "floor.yaml"
+    save_grid(seen_part(office(), 1.0), path)
+    told = read_prior(path).unused
+    assert "it shows 1 room" in told and f"maps import {path} --out PLAN.geojson` makes a plan with" in told
+    rooms = office().rasterize(0.1).room_ids
+    cv2.imwrite(str(tmp_path / "floor_rooms.png"), rooms[::-1].astype(np.uint16))
+    assert read_prior(path).unused == ""
 
 
 def test_a_scan_of_a_hundred_megapixels_is_refused_before_it_is_decoded(tmp_path: Path) -> None:
