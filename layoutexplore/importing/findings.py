@@ -95,7 +95,7 @@ def _scale(plan: FloorPlan) -> Iterator[Finding]:
         x0, y0, x1, y1 = plan.bounds
         factor = TYPICAL_DOOR / median
         unit = next((u for u, m in UNITS.items() if 0.8 < factor / m < 1.25), "")
-        hint = f" (is it in {unit}? --scale-by '1 {unit} = 1 unit')" if unit else ""
+        hint = f" ({_asked(unit)})" if unit else ""
         yield Finding(
             "scale",
             f"the scale is doubtful: half of the {len(widths)} doors are "
@@ -114,11 +114,15 @@ def _scale_by_rooms(plan: FloorPlan) -> Iterator[Finding]:
         unit = min(UNITS, key=lambda name: abs(math.log(median * UNITS[name] ** 2 / TYPICAL_ROOM)))
         yield Finding(
             "scale",
-            f"the scale is doubtful: half of the rooms have {median:.0f} m2 and more (is it in {unit}? "
-            f"--scale-by '1 {unit} = 1 unit')",
+            f"the scale is doubtful: half of the rooms have {median:.0f} m2 and more ({_asked(unit)})",
             (x0 + x1) / 2,
             (y0 + y1) / 2,
         )
+
+
+def _asked(unit: str) -> str:
+    """Whether a plan is in a unit, and what to say if it is."""
+    return f"is it in {'inches' if unit == 'in' else unit}? --scale-by '1 {unit} = 1 unit'"
 
 
 def _missing_walls(plan: FloorPlan) -> Iterator[Finding]:

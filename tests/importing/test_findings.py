@@ -63,11 +63,14 @@ def test_a_wrong_scale_shows_in_the_doors(factor: float, word: str) -> None:
     assert float(scale.text.rsplit(" times", 1)[0].rsplit(" ", 1)[1]) == pytest.approx(1 / factor, rel=0.15)
 
 
-@pytest.mark.parametrize(("unit", "metres"), [("ft", 0.3048), ("cm", 0.01), ("mm", 0.001)])
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("ft", 0.3048), ("cm", 0.01), ("mm", 0.001), ("inches", 0.0254)]
+)
 def test_other_units_than_metres_are_recognised(unit: str, metres: float) -> None:
     plan = load_plan("apartment-01").stretched(1 / metres, 1 / metres)
     scale = next(finding for finding in find_faults(plan) if finding.kind == "scale")
-    assert f"is it in {unit}?" in scale.text
+    word = {"inches": "in"}.get(unit, unit)  # as --scale-by takes it
+    assert f"is it in {unit}? --scale-by '1 {word} = 1 unit'" in scale.text
 
 
 def test_rooms_without_doors_have_their_places() -> None:
@@ -128,7 +131,7 @@ def test_floor_on_which_a_robot_fits_nowhere_is_found() -> None:
     assert "out of reach" not in kinds(lines.stretched(20.0, 20.0))
 
 
-@pytest.mark.parametrize(("unit", "metres"), [("cm", 0.01), ("in", 0.0254)])
+@pytest.mark.parametrize(("unit", "metres"), [("cm", 0.01), ("inches", 0.0254)])
 def test_rooms_tell_the_unit_where_all_doors_are_too_wide_to_be_doors(unit: str, metres: float) -> None:
     flat = flat_of_boxes(0.2)
     large = FloorPlan(name="large", rooms=flat.rooms, doors=()).stretched(1 / metres, 1 / metres)
