@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import cmath
+import warnings
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from layoutexplore.grids.grid import Pose
     from layoutexplore.importing.building import Building
     from layoutexplore.importing.findings import Finding
     from layoutexplore.importing.pictures import PictureConfig
@@ -115,7 +118,8 @@ def import_plan(
     save_plan(building.plan, out)
     if picture is not None:
         write_atomically(picture, encode_png(draw_findings(building.plan, findings)))
-    for line in _summary(out, picture, building.plan, findings):
+    frame = _turned_frame(source, building)
+    for line in _summary(out, picture, building.plan, findings, frame):
         typer.echo(line, err=picture is None)  # OUT may be the standard output
     radius = GOAL_RADIUS if robot_radius is None else robot_radius
     for path in [] if robot is None else write_robot_files(building, robot, radius=radius):
@@ -184,7 +188,32 @@ def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str
     return import_building(source, config, method=rooms)
 
 
-def _summary(out: Path, picture: Path | None, plan: FloorPlan, findings: list[Finding]) -> list[str]:
+def _turned_frame(source: Path, building: Building) -> Pose | None:
+    """The origin of a ROS map with a yaw, about which its floor plan is turned; None of all others."""
+    from layoutexplore.grids.ros_map import YAML_SUFFIXES, load_grid
+
+    origin = building.grid.origin
+    if "frame" in building.plan.metadata and not origin.theta and source.suffix.lower() in YAML_SUFFIXES:
+        # Of a map with an image of its rooms the building has the plan's; what is odd in it has been said.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            origin = load_grid(source).origin
+    return origin if origin.theta else None
+
+
+def _place(finding: Finding, frame: Pose | None) -> str:
+    """Where a finding is: in the floor plan, and in the map that this is turned about an origin of."""
+    told = f"x {finding.x:.1f}, y {finding.y:.1f}"
+    if frame is None:
+        return told
+    turn = cmath.rect(1.0, frame.theta)
+    point = complex(frame.x, frame.y) + turn * complex(finding.x - frame.x, finding.y - frame.y)
+    return f"x {point.real:.1f}, y {point.imag:.1f} of the map ({told} of the floor plan)"
+
+
+def _summary(
+    out: Path, picture: Path | None, plan: FloorPlan, findings: list[Finding], frame: Pose | None
+) -> list[str]:
     """What was imported, and what to correct in it, with places in metres."""
     from layoutexplore.errors import counted
 
@@ -196,7 +225,7 @@ def _summary(out: Path, picture: Path | None, plan: FloorPlan, findings: list[Fi
         kinds = ", ".join(f"{count} {kind}" for kind, count in Counter(f.kind for f in findings).items())
         lines.append(f"to look at ({kinds}){'' if picture is None else ', by number in the picture'}:")
     for number, finding in enumerate(findings[:MOST_FINDINGS], start=1):
-        lines.append(f"  {number}. at x {finding.x:.1f}, y {finding.y:.1f}: {finding.text}")
+        lines.append(f"  {number}. at {_place(finding, frame)}: {finding.text}")
     if len(findings) > MOST_FINDINGS:
         rest = "" if picture is None else ", all in the picture"
         lines.append(f"  ... and {len(findings) - MOST_FINDINGS} more{rest}")

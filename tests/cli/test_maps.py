@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
+import shapely
 import typer
 from typer.testing import CliRunner
 
 from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, MapWarning, UnknownNameError
+from layoutexplore.grids.ros_map import load_grid
 from layoutexplore.maps import expand_plans, load_plan
 from layoutexplore.maps.geojson import save_plan
 from tests.importing.cases import office, write_ros_map
@@ -179,6 +183,26 @@ def test_what_to_correct_is_listed_with_its_place(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "map.png"), image)
     code, text = invoke("import", str(tmp_path / "map.png"), "--out", str(tmp_path / "map.geojson"))
     assert code == 0 and "1 out of reach, 1 no door" in text and "1. at x " in text
+
+
+@pytest.mark.parametrize("with_rooms", [False, True])
+def test_places_in_a_map_with_a_yaw_are_told_in_its_frame(tmp_path: Path, with_rooms: bool) -> None:
+    image = office()
+    image[110:114, 228:246] = 0  # the last room is shut
+    source = write_ros_map(tmp_path, image)
+    source.write_text(source.read_text().replace("-2.0, 0]", "-2.0, 2.5]"))
+    if with_rooms:
+        ids = cv2.connectedComponents((image == 254).astype(np.uint8))[1].astype(np.uint8)
+        cv2.imwrite(str(tmp_path / "floor_rooms.png"), ids)
+    text = invoke("import", str(source), "--out", str(tmp_path / "plan.geojson"))[1]
+    pair = r"x (-?\d+\.\d), y (-?\d+\.\d)"
+    found = re.search(rf"{pair} of the map \({pair} of the floor plan\): room \d+ of 1[45].* no door", text)
+    assert found is not None
+    row, col = load_grid(source).world_to_cell(float(found[1]), float(found[2]))
+    assert 34 <= 199 - row < 110 and 198 <= col < 276
+    rooms, place = load_plan(tmp_path / "plan.geojson").rooms, shapely.Point(float(found[3]), float(found[4]))
+    room = next(room for room in rooms if room.polygon.contains(place))
+    assert f"room {room.id} of" in found[0]
 
 
 def test_a_drawing_in_feet_becomes_metres(tmp_path: Path) -> None:
