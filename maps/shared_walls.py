@@ -22,7 +22,7 @@ from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError, MapWarning
 from layoutexplore.grids.arrays import Floats
-from layoutexplore.grids.polygons import Point, polygons_of
+from layoutexplore.grids.polygons import NearbyPolygons, Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.sizes import (
     check_crowding,
@@ -104,7 +104,8 @@ def plan_from_outlines(
     shapes = list(outlines.values())
     # Distances are measured in C, ten of them a microsecond.
     check_work(name, "doors and rooms", 0.1 * len(openings) * shapely.get_num_coordinates(shapes).sum())
-    solid = walls_along(shapes, name, walls, may_be_faces=may_be_faces)
+    doorways = sum(opening.width for opening in openings) if may_be_faces else None
+    solid = walls_along(shapes, name, walls, doorways=doorways)
     rooms, scraps = floors_between(dict(outlines), solid, {k: labels.get(k, "") for k in outlines})
     rings = shapely.STRtree([rings_of(outline) for outline in shapes])
     shapely.prepare([*rings.geometries, *shapes])
@@ -211,11 +212,16 @@ def rings_of(outline: Polygon) -> BaseGeometry:
 
 
 def walls_along(
-    outlines: list[Polygon], name: str, further: Sequence[LineString] = (), *, may_be_faces: bool = False
+    outlines: list[Polygon], name: str, further: Sequence[LineString] = (), *, doorways: float | None = None
 ) -> BaseGeometry:
     """Walls along all outlines of the plan of a name and further lines, and the slits between its rooms.
 
-    Where outlines may be faces and most of them lie apart, walls are around the rooms instead.
+    Args:
+        outlines: Of the rooms.
+        name: Of the plan.
+        further: Lines in the middle of walls.
+        doorways: Given where outlines may be faces: metres along which rooms may touch in their doors. Where
+            most of the outlines lie apart, walls are around the rooms instead, and along what they share.
 
     Raises:
         MapError: The outlines lie so close to each other that walls of this thickness are a single tangle.
@@ -226,20 +232,26 @@ def walls_along(
     check_crowding(name, [rooms], CLOSED_GAP)
     half = CLOSED_GAP / 2
     slits = rooms.buffer(half, join_style="mitre").buffer(-half, join_style="mitre").difference(rooms)
-    if may_be_faces and _are_apart(outlines, slits):
+    beside = slits
+    if doorways is not None and _are_apart(outlines, slits, doorways):
         around = rooms.buffer(WALL_THICKNESS, join_style="mitre", mitre_limit=2.0)
-        return around.union(slits).difference(rooms)
+        beside = around.union(slits).difference(rooms)
+        inside = rooms.buffer(_TOUCH).buffer(-2 * _TOUCH)
+        lines = shapely.union_all([lines.intersection(inside), *further])
     drawn = lines.buffer(WALL_THICKNESS / 2, cap_style="square", join_style="mitre", mitre_limit=2.0)
-    return shapely.union_all([drawn, slits])
+    return shapely.union_all([drawn, beside])
 
 
-def _are_apart(outlines: list[Polygon], slits: BaseGeometry) -> bool:
-    """Whether rooms leave room for their walls: they have slits as thick as walls, and share few borders."""
+def _are_apart(outlines: list[Polygon], slits: BaseGeometry, doorways: float) -> bool:
+    """Whether rooms leave room for their walls: they have slits as thick as walls, and share few borders.
+
+    Those of area graphs meet in their doors, so many metres in all.
+    """
     if slits.length == 0.0 or 2.0 * slits.area / slits.length < LEAST_WALL:  # of a long strip its width
         return False
     rings = [rings_of(outline) for outline in outlines]
     whole = float(shapely.length(rings).sum())
-    shared = whole - shapely.union_all(rings).length
+    shared = whole - shapely.union_all(rings).length - doorways
     return bool(slits.length > 0.2 * whole and shared < 0.05 * whole)
 
 
@@ -251,7 +263,7 @@ def floors_between(
     Of a room around others, what lies inside of those is theirs, however large it is.
     """
     rooms, scraps = [], []
-    near, shapes = _Nearby(walls), np.array(list(outlines.values()), object)
+    near, shapes = NearbyPolygons(walls), np.array(list(outlines.values()), object)
     tree = shapely.STRtree(shapes)
     for number, outline in outlines.items():
         found = polygons_of(outline.difference(near.around(outline)))
@@ -263,31 +275,6 @@ def floors_between(
     # Rooms around each other are cut into the same scraps over and over.
     different = {shapely.to_wkb(shapely.normalize(scrap)): scrap for scrap in scraps}
     return tuple(rooms), shapely.union_all(list(different.values()))
-
-
-class _Nearby:
-    """Thousands of polygons with thousands of holes, of which an overlay with something small needs few.
-
-    Args:
-        whole: Polygons of any kind.
-    """
-
-    def __init__(self, whole: BaseGeometry) -> None:
-        self._whole = polygons_of(whole)
-        self._tree = shapely.STRtree(self._whole)
-        self._holes = [
-            (np.array(polygon.interiors, object), shapely.STRtree(polygon.interiors))
-            for polygon in self._whole
-        ]
-
-    def around(self, shape: BaseGeometry) -> BaseGeometry:
-        """The polygons that a shape meets, without the holes that its box does not: within it the same."""
-        parts = []
-        for k in np.sort(self._tree.query(shape, "intersects")).tolist():
-            polygon, (holes, tree) = self._whole[k], self._holes[k]
-            met = holes[np.sort(tree.query(shape))]
-            parts.append(polygon if len(met) == len(holes) else Polygon(polygon.exterior, met))
-        return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
 
 
 def open_borders(rooms: Mapping[int, Polygon], solid: BaseGeometry) -> Iterator[Opening]:

@@ -41,6 +41,31 @@ def polygons_of(geometry: BaseGeometry) -> list[Polygon]:
     return [polygon for part in getattr(geometry, "geoms", ()) for polygon in polygons_of(part)]
 
 
+class NearbyPolygons:
+    """Thousands of polygons with thousands of holes, of which an overlay with something small needs few.
+
+    Args:
+        whole: Polygons of any kind.
+    """
+
+    def __init__(self, whole: BaseGeometry) -> None:
+        self._whole = polygons_of(whole)
+        self._tree = shapely.STRtree(self._whole)
+        self._holes = [
+            (np.array(polygon.interiors, object), shapely.STRtree(polygon.interiors))
+            for polygon in self._whole
+        ]
+
+    def around(self, shape: BaseGeometry) -> BaseGeometry:
+        """The polygons that a shape meets, without the holes that its box does not: within it the same."""
+        parts = []
+        for k in np.sort(self._tree.query(shape, "intersects")).tolist():
+            polygon, (holes, tree) = self._whole[k], self._holes[k]
+            met = holes[np.sort(tree.query(shape))]
+            parts.append(polygon if len(met) == len(holes) else Polygon(polygon.exterior, met))
+        return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
+
+
 def valid_polygons(polygons: Any) -> list[Polygon]:
     """Polygons object (k,), each whose boundary crosses or touches itself replaced by its largest valid part.
 

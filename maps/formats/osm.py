@@ -165,6 +165,7 @@ def load_osm(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
         name=f"{path.stem}-{name}",
         building=path.stem,
         metadata={"format": "OpenStreetMap", "level": name},
+        may_be_faces=True,
     )
 
 

@@ -66,6 +66,15 @@ def test_rooms_that_lie_apart_keep_their_size(tmp_path: Path, thick: float) -> N
     assert share_reached(plan) == 1.0
 
 
+def test_two_rooms_that_touch_among_many_that_lie_apart_have_a_wall(tmp_path: Path) -> None:
+    rooms = [box(4.2 * k, 0, 4.2 * k + 4, 5) for k in range(7)] + [box(4.2 * 6 + 4, 0, 34, 5)]
+    plan = load_plan(write(tmp_path, *((shape, {}) for shape in rooms)))
+    assert [room.polygon.area for room in plan.rooms[:6]] == pytest.approx([20.0] * 6)
+    x = rooms[7].bounds[0]
+    assert plan.walls.contains(box(x - 0.09, 0, x + 0.09, 5))
+    assert [room.polygon.area for room in plan.rooms[6:]] == pytest.approx([19.5, 5 * (34 - x) - 0.5])
+
+
 def test_columns_that_are_not_there_are_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"no feature has the property 'Raum'; there are: Bezeichnung, fid"):
         load_plan(write(tmp_path, *ROOMS), columns={"room": "Raum"})

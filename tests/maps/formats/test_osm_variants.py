@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
-from shapely import box
+from shapely import Polygon, box
 
 from layoutexplore.errors import MapWarning
 from layoutexplore.maps import load_plan
@@ -24,6 +24,22 @@ def test_passages_that_name_their_areas(tmp_path: Path) -> None:
         file.way([(x, 1), (x, 2.1)], osmAG__type="passage", **ends)
     plan = load_plan(file.write(tmp_path / "edited.osm"))
     assert [door.rooms for door in plan.doors] == [(1, 2), (2, 3), (0, 3)]
+
+
+def test_areas_that_meet_in_their_passages_alone_keep_their_size(tmp_path: Path) -> None:
+    """Area graphs draw the floor of rooms, up to the faces of their walls; passages are on both outlines."""
+    file, thick = OsmFile(), 0.15
+    notch = [(5, 2.1), (5, 1), (5 + thick, 1)]
+    right = [(5 + thick, 0), (9, 0), (9, 4), (5 + thick, 4), (5 + thick, 2.1), *notch, (5 + thick, 0)]
+    left = [(0, 0), (5, 0), (5, 1), (5, 2.1), (5, 4), (0, 4), (0, 0)]
+    outlines = (left, right, corners(box(0, 4 + thick, 9, 8)))
+    for outline in outlines:
+        file.way(outline, osmAG__type="area", osmAG__areaType="room", level="1")
+    file.way(notch[:2], osmAG__type="passage", osmAG__from="-1000", osmAG__to="-1001", level="1")
+    plan = load_plan(file.write(tmp_path / "graph.osm"))
+    drawn = [Polygon(outline).area for outline in outlines]
+    assert [room.polygon.area for room in plan.rooms] == pytest.approx(drawn, abs=0.2)  # but for the doorway
+    assert [door.rooms for door in plan.doors] == [(1, 2)]
 
 
 def test_stairs_and_lifts_of_area_graphs_are_rooms(tmp_path: Path) -> None:
