@@ -14,6 +14,7 @@ WRONG: dict[str, str] = {
     "benchmark --plans apartment-01 --starts 2147483648": "starts must be a whole number from 1 to 10000",
     "benchmark --plans apartment-01 --starts 0": "starts must be",
     "benchmark --plans office:1-99999 --starts 9999": "runs are more than 1000000",
+    "evaluate partial-rooms office:1-99999 -s stage --starts 9999": "explorations are more than 1000000",
     "benchmark --plans apartment-01 --cell-seconds inf": "cell_seconds must be a number from 0",
     "benchmark --plans apartment-01 --cell-mb nan": "cell_mb must be a number from 0",
     "benchmark --plans apartment-01 --agents nearset": "did you mean 'nearest'",

@@ -83,7 +83,8 @@ def partial_rooms(
     Hidden IoU, room IoU, areas; closed or open frontiers.
     """
     from layoutexplore.agents import make_agent
-    from layoutexplore.errors import require
+    from layoutexplore.benchmark.runner import MOST_RUNS
+    from layoutexplore.errors import ConfigError, require
     from layoutexplore.evaluation.partial_rooms import score_predictors
     from layoutexplore.evaluation.partial_rooms_summary import summarise_partial_rooms
     from layoutexplore.maps.library import find_plans, load_plan
@@ -97,9 +98,12 @@ def partial_rooms(
     check_places(out, json_file, snapshots=snapshots)
     sensors = asked_sensors(sensor)
     predictors = asked_predictors(predictor or predictor_names())
+    sources = find_plans(plans)
+    if (count := len(sources) * len(sensors) * starts) > MOST_RUNS:
+        raise ConfigError(f"{count} explorations are more than {MOST_RUNS}: give fewer plans or starts")
     taken = (
         snapshot
-        for source in find_plans(plans)
+        for source in sources
         for exploration in protocol_explorations(
             load_plan(source), make_agent, snapshots, sensors=sensors, starts=starts
         )
