@@ -33,7 +33,7 @@ def describe_folders(folders: Sequence[Path], resolution: float) -> tuple[Floats
     Also what is wrong with each map that cannot be read or has no statistics.
 
     Args:
-        folders: Folders of PNG maps; an `index.csv` inside may give `file` and `m_per_px`.
+        folders: Folders of PNG maps, each counted once; an `index.csv` inside may give `file` and `m_per_px`.
         resolution: Metres a pixel where no index says it.
 
     Raises:
@@ -49,7 +49,7 @@ def describe_folders(folders: Sequence[Path], resolution: float) -> tuple[Floats
             raise MapError(f"{path}: {error}") from error
 
     maps: list[tuple[Path, float]] = []
-    for folder in folders:
+    for folder in {folder.resolve(): folder for folder in folders}.values():
         if not folder.is_dir():
             raise MapError(f"{folder}: no such folder")
         paths = [path for path in sorted(folder.glob("*.png")) if not path.stem.endswith(_NOT_MAPS)]
