@@ -14,7 +14,7 @@ import shapely
 from layoutexplore.errors import checks_arguments, counted
 from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.morphology import depth_inside
-from layoutexplore.grids.polygons import Point
+from layoutexplore.grids.polygons import NearbyPolygons, Point, polygons_of
 from layoutexplore.maps.floorplan import Door, FloorPlan
 
 ROBOT_RADIUS = 0.2
@@ -188,6 +188,7 @@ def _middle(mask: Mask) -> tuple[int, int]:
 
 def _rooms(plan: FloorPlan) -> Iterator[Finding]:
     joined = {room for door in plan.doors for room in door.rooms}
+    parted = _parted(plan)
     for room in plan.rooms:
         place: Point = room.polygon.representative_point().coords[0]
         name = f"room {room.id}" + (f" ({room.label})" if room.label else "")
@@ -195,6 +196,22 @@ def _rooms(plan: FloorPlan) -> Iterator[Finding]:
             yield Finding("no door", f"{name} of {room.polygon.area:.1f} m2 has no door", *place)
         if room.polygon.area < TINY_ROOM:
             yield Finding("tiny room", f"{name} has only {room.polygon.area:.1f} m2", *place)
+        if room.id in parted:
+            told = f"walls part {name}: take them out of the plan's walls, or make a room of each part"
+            yield Finding("parted room", told, *parted[room.id])
+
+
+def _parted(plan: FloorPlan) -> dict[int, Point]:
+    """Rooms that walls divide, as where somebody has made one of two but left the wall: where, by id."""
+    walls, found = NearbyPolygons(plan.walls), dict[int, Point]()
+    for room in plan.rooms:
+        near = walls.around(room.polygon)
+        parts = polygons_of(room.polygon.difference(near))
+        if sum(part.area >= LOST_AREA for part in parts) > 1:
+            across = max(polygons_of(room.polygon.intersection(near)), key=lambda part: float(part.area))
+            place = across.representative_point()
+            found[room.id] = (place.x, place.y)
+    return found
 
 
 def _doors(plan: FloorPlan) -> Iterator[Finding]:

@@ -73,6 +73,17 @@ def test_other_units_than_metres_are_recognised(unit: str, metres: float) -> Non
     assert f"is it in {unit}? --scale-by '1 {word} = 1 unit'" in scale.text
 
 
+def test_a_wall_that_is_left_where_two_rooms_became_one_is_found() -> None:
+    left, right, both = (shapely.box(x0, 0, x1, 3) for x0, x1 in ((0, 4), (4.2, 9), (0, 9)))
+    walls = shapely.box(-0.2, -0.2, 9.2, 3.2).difference(left.union(right))
+    one = FloorPlan(name="one", rooms=(Room(id=1, polygon=both, label="office"),), walls=walls)
+    found = next(finding for finding in find_faults(one) if finding.kind == "parted room")
+    assert "walls part room 1 (office)" in found.text and 4 < found.x < 4.2 and 0 < found.y < 3
+    pillar = dataclasses.replace(one, walls=walls.difference(shapely.box(4, 0, 4.2, 1.5)))
+    assert "parted room" not in kinds(pillar)
+    assert "parted room" not in kinds(load_plan("office-01"))
+
+
 def test_rooms_without_doors_have_their_places() -> None:
     plan = floorplan_from_ascii(FLAT.replace(".", "#"), 0.9)
     found = [finding for finding in find_faults(plan) if finding.kind == "no door"]
