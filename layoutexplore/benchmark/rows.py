@@ -181,13 +181,17 @@ def fingerprints(agents: Iterable[str]) -> dict[str, str]:
     found = {}
     for name in agents:
         agent = make_agent(name)
-        wanted = predictor_of(agent)
-        code = PREDICTORS.digest(wanted) if isinstance(wanted, str) else digest_of(wanted)
-        parts = agent, make_predictor(wanted)
-        learnt = (getattr(part, "fingerprint", "") for part in parts)
-        if text := " ".join(filter(None, (AGENTS.digest(name), code, *learnt))):
+        if text := fingerprint_of_agent(name, agent, make_predictor(predictor_of(agent))):
             found[name] = text
     return found
+
+
+def fingerprint_of_agent(name: str, agent: Agent, predictor: object) -> str:
+    """As of `fingerprints`, of an agent by its name and the predictor made for it; empty for none."""
+    wanted = predictor_of(agent)
+    code = PREDICTORS.digest(wanted) if isinstance(wanted, str) else digest_of(wanted)
+    learnt = (getattr(part, "fingerprint", "") for part in (agent, predictor))
+    return " ".join(filter(None, (AGENTS.digest(name), code, *learnt)))
 
 
 def has_own_code(agent: str) -> bool:

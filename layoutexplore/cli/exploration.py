@@ -9,12 +9,15 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 if TYPE_CHECKING:
     from rich.table import Table
 
     from layoutexplore.benchmark.rows import Row
     from layoutexplore.cli.progress import ProgressLine
     from layoutexplore.drawing.film import Film
+    from layoutexplore.frontiers.decision import Agent
     from layoutexplore.grids.arrays import Bytes
     from layoutexplore.predictors.prior_plan import PriorPredictor
     from layoutexplore.simulation.simulation import Simulation
@@ -23,12 +26,33 @@ SAVED_EVERY = 1.0
 """Seconds between two states of a run in its file; a run that is ended in between goes on from the last."""
 
 
+def notes_of(
+    agent: str, chosen: Agent, simulation: Simulation, before: Mapping[str, Any] | None
+) -> dict[str, str]:
+    """What is kept with the state of a run; says so where a saved one had other code or weights.
+
+    Args:
+        agent: Name of the strategy.
+        chosen: The strategy.
+        simulation: Has the predictor that it asks for.
+        before: What was kept with the run that goes on.
+    """
+    from layoutexplore.benchmark.rows import fingerprint_of_agent
+    from layoutexplore.simulation.episode import untimed
+
+    now = fingerprint_of_agent(agent, chosen, untimed(simulation.predictor))
+    if before and before.get("fingerprint", now) != now:
+        told = "its code, or what it has learnt from, has changed since the run was saved"
+        typer.echo(f"{agent}: {told}: it goes on as it is now, from where it was then", err=True)
+    return {"agent": agent} | ({"fingerprint": now} if now else {})
+
+
 class RunWatcher:
     """Looks at a run at every decision.
 
     Args:
         line: Shows how far it is.
-        agent: Name of the strategy.
+        notes: What is kept with the run's state: its agent, and what tells its code apart.
         pictures: Whether to keep a picture and the rooms believed of each quarter.
         state_file: Where the run's state is kept; nowhere when None.
         goes_on: Whether the run goes on from a saved one, which has seen the quarter it begins in.
@@ -43,13 +67,13 @@ class RunWatcher:
     def __init__(
         self,
         line: ProgressLine,
-        agent: str,
+        notes: dict[str, str],
         *,
         pictures: bool,
         state_file: Path | None,
         goes_on: bool = False,
     ) -> None:
-        self._line, self._agent, self._draws, self._file = line, agent, pictures, state_file
+        self._line, self._notes, self._draws, self._file = line, notes, pictures, state_file
         self._quarter = None if goes_on else -1
         self.goes_on = goes_on
         self._saved = 0.0
@@ -62,7 +86,7 @@ class RunWatcher:
         """A picture of what is known."""
         from layoutexplore.drawing.pictures import draw_state
 
-        return draw_state(state, agent=self._agent)
+        return draw_state(state, agent=self._notes["agent"])
 
     def note(self, state: Simulation) -> None:
         """A decision is due, or the run is over."""
@@ -97,7 +121,7 @@ class RunWatcher:
         from layoutexplore.simulation.saved_run import save_simulation
 
         if self._file:
-            save_simulation(state, self._file, {"agent": self._agent})
+            save_simulation(state, self._file, self._notes)
             self._saved = time.monotonic()
 
     def _keep_picture(self, state: Simulation, percent: int) -> None:

@@ -135,7 +135,7 @@ def explore(
 ) -> None:
     """Explore one floor plan."""
     from layoutexplore.benchmark.rows import Row, prepare, score_run
-    from layoutexplore.cli.exploration import RunWatcher, check_run_files, film_of, save_run
+    from layoutexplore.cli.exploration import RunWatcher, check_run_files, film_of, notes_of, save_run
     from layoutexplore.cli.progress import ProgressLine, plain_console
     from layoutexplore.cli.warm_up import compile_missing
     from layoutexplore.files import check_places
@@ -160,9 +160,10 @@ def explore(
     compile_missing(_uses(agent, settings))
     simulation, chosen = prepare(floor, settings, agent)
     note_unused(simulation)
+    notes = notes_of(agent, chosen, simulation, saved.notes if saved else None)
     with held(out, "run") if out else nullcontext():
         with ProgressLine(console, "% seen") as line, film_of(video, fps) as film:
-            watcher = RunWatcher(line, agent, pictures=bool(out), state_file=save_state, goes_on=bool(saved))
+            watcher = RunWatcher(line, notes, pictures=bool(out), state_file=save_state, goes_on=bool(saved))
             if film:
                 simulation.on_scan = lambda state: film.add(watcher.draw(state))
             episode = play(

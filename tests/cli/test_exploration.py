@@ -48,6 +48,19 @@ def test_a_run_pauses_and_goes_on(plan: str, tmp_path: Path) -> None:
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "rest" / name).read_bytes()
 
 
+def test_a_run_that_goes_on_with_other_code_says_so(plan: str, tmp_path: Path) -> None:
+    code, state = tmp_path / "mine.py", tmp_path / "run.npz"
+    text = "class Mine:\n    def reset(self, seed): ...\n    def act(self, decision): return 0\n"
+    code.write_text(text)
+    explore(plan, "--agent", f"{code}:Mine", "--pause-after", "5", "--save-state", str(state))
+    goes_on = (plan, "--continue", str(state), "--pause-after", "9")
+    assert "has changed" not in "".join(explore(*goes_on))
+    code.write_text(text.replace("return 0", "return len(decision.frontiers) - 1"))
+    told = explore(*goes_on, "--save-state", str(state))
+    assert f"{code}:Mine: its code, or what it has learnt from, has changed since" in " ".join(told)
+    assert "has changed" not in "".join(explore(*goes_on)), "it was saved anew with the code as it is"
+
+
 def test_a_robot_explores_a_region_and_returns(plan: str, tmp_path: Path) -> None:
     options = [plan, "--sensor", "indoor", "--region", "0,0 9,0 9,8 0,8"]
     stays, returns = explore(*options), explore(*options, "--return", "--out", str(tmp_path / "run"))
