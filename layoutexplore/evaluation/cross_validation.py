@@ -18,8 +18,8 @@ from typing import Any
 
 from layoutexplore.errors import ConfigError, LayoutExploreError, checks_arguments
 from layoutexplore.evaluation.kept_rows import kept_file, kept_rows
-from layoutexplore.evaluation.segmentation import MapScore, score_case
-from layoutexplore.files import ArrayRule, fingerprint
+from layoutexplore.evaluation.segmentation import LABELS, MapScore, score_case
+from layoutexplore.files import fingerprint
 from layoutexplore.files.reading import is_file
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import OccupancyGrid
@@ -38,9 +38,6 @@ from layoutexplore.training.room_merging import MergingTrainingConfig, training_
 
 Scored = tuple[Case, MapScore, Ints32]
 """A map, its scores and its labels."""
-
-LABELS = ArrayRule(kinds="i", shape=("map rows", "map columns"), low=0)
-"""What labels are."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,21 +10,28 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from layoutexplore.errors import checks_arguments
+from layoutexplore.evaluation.kept_rows import kept_file, kept_rows
+from layoutexplore.files import ArrayRule, fingerprint
+from layoutexplore.files.reading import is_there
 from layoutexplore.grids.arrays import Ints32
 from layoutexplore.grids.grid import FREE, UNKNOWN, OccupancyGrid
 from layoutexplore.grids.ros_map import DEFAULT_RESOLUTION, usable_maps
-from layoutexplore.layout.pipeline import reconstruct
+from layoutexplore.layout.pipeline import LAYOUTS, reconstruct
 from layoutexplore.layout.types import Layout
 from layoutexplore.maps.painted_rooms import Case, check_bright, read_case
 from layoutexplore.metrics.segmentation import MEASURES, score_segmentation
 from layoutexplore.metrics.statistics import cluster_bootstrap, weighted_mean
 from layoutexplore.options import JOBS
 from layoutexplore.plugins.transport import worker_map
+
+LABELS = ArrayRule(kinds="i", shape=("map rows", "map columns"), low=0)
+"""Labels of a map that are kept."""
 
 COLUMNS = (*MEASURES, "segments", "rooms", "ms")
 
@@ -117,7 +124,13 @@ def score_case(
 
 @checks_arguments
 def evaluate_cases(
-    cases: Sequence[Case], methods: Sequence[str], *, protocol: str, resolution: float, jobs: int = 1
+    cases: Sequence[Case],
+    methods: Sequence[str],
+    *,
+    protocol: str,
+    resolution: float,
+    jobs: int = 1,
+    store: Path | None = None,
 ) -> Iterator[tuple[Case, MapScore, Ints32]]:
     """Score every method on every map, in order, yielding the labels as well.
 
@@ -127,14 +140,47 @@ def evaluate_cases(
         protocol: Of `layoutexplore.metrics.segmentation.PROTOCOLS`.
         resolution: Metres a pixel where a map's folder does not say it.
         jobs: Processes; times are only comparable with 1.
+        store: Folder where scores are kept; those that are there already are read, with the times that they
+            took by as many processes.
     """
     work = [(case, method, protocol, resolution) for case in cases for method in methods]
-    jobs = min(JOBS.convert("jobs", jobs), len(work))
-    with worker_map(jobs, partial(_warm_up, tuple(methods))) as spread:
-        yield from spread(_work, work)
+    codes = {method: LAYOUTS.digest(method) for method in methods}
+    paths = [_kept(store, item, codes[item[1]], jobs) for item in work]
+    missing = [item for item, path in zip(work, paths, strict=True) if path is None or not is_there(path)]
+    jobs = min(JOBS.convert("jobs", jobs), len(missing))
+    made_for, begin = iter(missing), partial(_warm_up, tuple(dict.fromkeys(item[1] for item in missing)))
+    due = next(made_for, None)
+    with worker_map(jobs, begin) as spread:
+        made = iter(spread(_work, missing))
+        for item, path in zip(work, paths, strict=True):
+            scored = None
+            if item is due:
+                scored, due = next(made), next(made_for, None)
+            (row,), labels = kept_rows(path, MapScore, partial(_score_of, item, scored), LABELS)
+            yield item[0], row, labels
 
 
-def _work(item: tuple[Case, str, str, float]) -> tuple[Case, MapScore, Ints32]:
+_Work = tuple[Case, str, str, float]
+"""What is scored: a map, a method, the protocol, and metres a pixel."""
+
+
+def _kept(store: Path | None, item: _Work, code: str, jobs: int) -> Path | None:
+    """Where a score is kept, by all that it is made from; with other processes beside it took other times."""
+    if store is None:
+        return None
+    case, method, protocol, resolution = item
+    files = fingerprint([case.image, case.truth])
+    known = case.folder, case.building, case.resolution, files
+    return kept_file(store, case.name, known, method, code, protocol, resolution, jobs > 1)
+
+
+def _score_of(item: _Work, scored: tuple[Case, MapScore, Ints32] | None) -> tuple[list[MapScore], Ints32]:
+    """What a worker has scored; one whose file is damaged is scored here."""
+    _, row, labels = scored or _work(item)
+    return [row], labels
+
+
+def _work(item: _Work) -> tuple[Case, MapScore, Ints32]:
     case, method, protocol, resolution = item
     row, layout = score_case(case, method, protocol=protocol, resolution=resolution)
     return case, row, layout.labels

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from layoutexplore.evaluation import clutter, cross_validation
+from layoutexplore.evaluation import clutter, cross_validation, segmentation
 from layoutexplore.evaluation.clutter import ClutterConfig, run_study
 from layoutexplore.evaluation.cross_validation import (
     CrossValidationConfig,
     cross_validate_merging,
     leave_sources_out,
 )
+from layoutexplore.evaluation.segmentation import evaluate_cases
 from layoutexplore.maps.painted_rooms import find_cases
 from tests.evaluation.cases import watch_merging_trainings
 from tests.evaluation.test_clutter import hall, turned_room
@@ -68,6 +71,40 @@ def test_maps_held_out_are_scored_once(
     watch_merging_trainings(monkeypatch)
     [*validate(cases, config, store=store)]
     assert len([*store.iterdir()]) == 6  # another map: what had learnt from the old one is not taken
+
+
+def test_methods_score_a_map_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = tmp_path / "scores"
+    for k, name in enumerate(("barn", "flat", "mill")):
+        paint(tmp_path, name, 40 + 4 * k)
+    cases, methods = find_cases([tmp_path]), ("doorways", "distance")
+
+    def evaluate(jobs: int = 1, methods: tuple[str, ...] = methods) -> list[tuple[Any, ...]]:
+        found = evaluate_cases(cases, methods, protocol="rose2", resolution=0.05, jobs=jobs, store=store)
+        return [(case, replace(row, ms=0.0), labels.tolist()) for case, row, labels in found]
+
+    plain = [
+        (case, replace(row, ms=0.0), labels.tolist())
+        for case, row, labels in evaluate_cases(cases, methods, protocol="rose2", resolution=0.05)
+    ]
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        stop_at_call(patch, segmentation, "score_case", 4)
+        evaluate()
+    assert len([*store.iterdir()]) == 3
+    with monkeypatch.context() as patch:
+        stop_at_call(patch, segmentation, "score_case", 4)  # three are left to do
+        assert evaluate() == plain
+    with monkeypatch.context() as patch:
+        patch.setattr(segmentation, "score_case", None)
+        assert evaluate() == plain and evaluate(methods=methods[::-1])[1] == plain[0]
+    assert evaluate(jobs=2) == plain and len([*store.iterdir()]) == 12  # beside another its times are others
+    damaged = next(store.iterdir())
+    damaged.write_bytes(damaged.read_bytes()[:-30])
+    with pytest.warns(UserWarning, match="made anew"):
+        assert evaluate() + evaluate(jobs=2) == 2 * plain
+    paint(tmp_path, "flat", 60)
+    evaluate()
+    assert len([*store.iterdir()]) == 14  # another map
 
 
 def test_clutter_is_added_once_to_a_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,8 +67,7 @@ Simulated = Annotated[
 ReportFolder = Annotated[
     Path | None,
     typer.Option(
-        help="Folder for report.html, results.csv and a picture per map; where maps are held out, the same "
-        "command goes on in it."
+        help="Folder for report.html, results.csv and a picture per map; the same command goes on in it."
     ),
 ]
 
@@ -126,7 +125,9 @@ def segmentation(
             )
             results = _scores_held_out(cases, config, out, by_source=leave_out is not None)
         else:
-            results = evaluate_cases(cases, methods, protocol=protocol, resolution=resolution, jobs=jobs)
+            results = evaluate_cases(
+                cases, methods, protocol=protocol, resolution=resolution, jobs=jobs, store=_store(out)
+            )
         collected = _collect(results, failed)
         _print_all([row for _, row, _ in collected], by_source=leave_out is not None)
         held_out = "each source left out" if leave_out else f"{folds} folds of buildings" if folds else ""
@@ -173,7 +174,12 @@ def _scores_held_out(
     from layoutexplore.evaluation.cross_validation import cross_validate_merging, leave_sources_out
 
     validate = leave_sources_out if by_source else cross_validate_merging
-    return validate(cases, config, progress_lines(), store=out and out / "scores")
+    return validate(cases, config, progress_lines(), store=_store(out))
+
+
+def _store(out: Path | None) -> Path | None:
+    """Where scores are kept as they come."""
+    return out and out / "scores"
 
 
 def _say_scales(cases: Sequence[Case]) -> None:
