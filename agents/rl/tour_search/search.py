@@ -18,6 +18,7 @@ import os
 import time
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -26,13 +27,13 @@ import numpy as np
 import torch
 
 from layoutexplore.agents.base import Heuristic
-from layoutexplore.agents.rl.card import PolicySpec, spec_of
+from layoutexplore.agents.rl.card import PolicySpec, read_card, spec_of
 from layoutexplore.agents.rl.environments import plan_source
 from layoutexplore.agents.rl.evaluation import read_evaluations
 from layoutexplore.agents.rl.explorers import explorers
 from layoutexplore.agents.rl.hyperparameters import TrainingConfig
 from layoutexplore.agents.rl.networks.actor_critic import Actor
-from layoutexplore.agents.rl.run import EVALUATIONS, TrainingRun, Watcher
+from layoutexplore.agents.rl.run import EVALUATIONS, POLICY, TrainingRun, Watcher
 from layoutexplore.agents.rl.tour_search.response_surface import fit_surface, lowest
 from layoutexplore.envs.curriculum import Randomisation
 from layoutexplore.envs.plans import PlanSource
@@ -109,6 +110,7 @@ class SearchRun(TrainingRun):
         if resume:
             self.explorations = read_explorations(self.folder / EXPLORATIONS, self.members)
             self.evaluations = read_evaluations(self.folder / EVALUATIONS, self.steps)
+            self._seconds = _seconds_of(self.folder / POLICY)
         self.begin_folder()
         self._rewrite()
 
@@ -119,7 +121,7 @@ class SearchRun(TrainingRun):
 
     @property
     def seconds(self) -> float:
-        """Seconds since the search began or went on."""
+        """Seconds of search, those before it went on included as far as the policy's card tells of them."""
         return self._seconds
 
     @property
@@ -134,7 +136,7 @@ class SearchRun(TrainingRun):
 
     def train(self) -> None:
         """Search until all explorations are done or somebody asks to stop."""
-        began = time.monotonic()
+        began = time.monotonic() - self._seconds
         with self.stop_on_signal(), explorers(self.config.workers) as executor:
             while not self.stopping:
                 # The policy is another one only after a whole round, or after the last.
@@ -235,6 +237,16 @@ def read_explorations(path: str | os.PathLike[str], members: int) -> list[Explor
     if any((row.group, row.member) != divmod(k, members) for k, row in enumerate(rows)):
         raise ResultsError(f"{path} does not fit this run's search.pairs, or is damaged")
     return rows[: len(rows) // members * members]
+
+
+def _seconds_of(policy: Path) -> float:
+    """How long a search has taken by the card of its policy; 0 where nothing tells."""
+    with suppress(ResultsError):
+        training = read_card(policy).get("training")
+        minutes = training.get("minutes") if isinstance(training, dict) else None
+        if isinstance(minutes, (int, float)) and 0 <= minutes < _FARTHEST:
+            return 60.0 * minutes
+    return 0.0
 
 
 def explore_group(config: TrainingConfig, group: int, tours: list[TourConfig]) -> list[tuple[float, float]]:

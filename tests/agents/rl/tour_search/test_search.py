@@ -86,6 +86,17 @@ def test_a_resumed_search_is_the_one_that_was_never_stopped(
     )
 
 
+def test_a_resumed_search_has_taken_the_time_before_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(SearchRun, "seconds", property(lambda run: 5400.0))
+        train(small_config(tmp_path, steps=4), tmp_path / "run")
+    run = train(small_config(tmp_path, steps=8), tmp_path / "run", resume=True)
+    assert 5400.0 < run.seconds < 7200.0
+    assert read_card(tmp_path / "run" / "policy.safetensors")["training"]["minutes"] >= 90.0
+
+
 @pytest.mark.parametrize("asked", [True, False])
 def test_workers_that_are_asked_to_end_with_their_run_are_no_error(tmp_path: Path, asked: bool) -> None:
     class Cluster(Silent):
