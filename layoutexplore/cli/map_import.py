@@ -118,8 +118,7 @@ def import_plan(
     save_plan(building.plan, out)
     if picture is not None:
         write_atomically(picture, encode_png(draw_findings(building.plan, findings)))
-    frame = _turned_frame(source, building)
-    for line in _summary(out, picture, building.plan, findings, frame):
+    for line in _summary(out, picture, building, findings):
         typer.echo(line, err=picture is None)  # OUT may be the standard output
     radius = GOAL_RADIUS if robot_radius is None else robot_radius
     for path in [] if robot is None else write_robot_files(building, robot, radius=radius):
@@ -182,41 +181,39 @@ def _building(source: Path, config: PictureConfig, rooms: str, columns: dict[str
             raise ConfigError(
                 f"{source} has rooms of its own: --rooms, which finds them, means nothing for it"
             )
-        return building_of_plan(through_walls(plan) if is_saved_plan(source) else plan)
+        plan = through_walls(plan) if is_saved_plan(source) else plan
+        return building_of_plan(plan, origin=_turned(source, plan))
     if columns:
         raise ConfigError(f"{source} is a picture: --column is for GeoJSON")
     return import_building(source, config, method=rooms)
 
 
-def _turned_frame(source: Path, building: Building) -> Pose | None:
-    """The origin of a ROS map with a yaw, about which its floor plan is turned; None of all others."""
+def _turned(source: Path, plan: FloorPlan) -> Pose | None:
+    """The origin of a ROS map with a yaw, about which the floor plan that was read from it is turned."""
     from layoutexplore.grids.ros_map import YAML_SUFFIXES, load_grid
 
-    origin = building.grid.origin
-    if "frame" in building.plan.metadata and not origin.theta and source.suffix.lower() in YAML_SUFFIXES:
-        # Of a map with an image of its rooms the building has the plan's; what is odd in it has been said.
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            origin = load_grid(source).origin
-    return origin if origin.theta else None
+    if "frame" not in plan.metadata or source.suffix.lower() not in YAML_SUFFIXES:
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what is odd in it has been said
+        return load_grid(source).origin
 
 
-def _place(finding: Finding, frame: Pose | None) -> str:
-    """Where a finding is: in the floor plan, and in the map that this is turned about an origin of."""
+def _place(finding: Finding, frame: Pose) -> str:
+    """Where a finding is: in the floor plan, and in a map with a yaw, about whose origin that is turned."""
     told = f"x {finding.x:.1f}, y {finding.y:.1f}"
-    if frame is None:
+    if not frame.theta:
         return told
     turn = cmath.rect(1.0, frame.theta)
     point = complex(frame.x, frame.y) + turn * complex(finding.x - frame.x, finding.y - frame.y)
     return f"x {point.real:.1f}, y {point.imag:.1f} of the map ({told} of the floor plan)"
 
 
-def _summary(
-    out: Path, picture: Path | None, plan: FloorPlan, findings: list[Finding], frame: Pose | None
-) -> list[str]:
+def _summary(out: Path, picture: Path | None, building: Building, findings: list[Finding]) -> list[str]:
     """What was imported, and what to correct in it, with places in metres."""
     from layoutexplore.errors import counted
 
+    plan, frame = building.plan, building.grid.origin
     note = f", {plan.metadata['scale']}" if "scale" in plan.metadata else ""
     rooms, doors = counted(len(plan.rooms), "room"), counted(len(plan.doors), "door")
     drawn = f"{out} is no file: no picture is drawn beside it" if picture is None else f"drawn into {picture}"

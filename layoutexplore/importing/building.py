@@ -143,12 +143,20 @@ def without_strips(labels: Ints32, grid: OccupancyGrid) -> Ints32:
 
 
 @checks_arguments
-def building_of_plan(plan: FloorPlan) -> Building:
+def building_of_plan(plan: FloorPlan, *, origin: Pose | None = None) -> Building:
     """The building that a floor plan tells of, with a map of it.
+
+    Args:
+        plan: The floor plan.
+        origin: Of the map that the plan was read from, where that is turned: the building's map is in its
+            frame.
 
     Raises:
         MapError: The plan has no free space at the map's resolution.
     """
+    if origin is not None and plan.source is not None:
+        grid = replace(plan.source.grid, origin=origin)
+        return Building(grid=grid, room_ids=plan.source.room_ids, plan=plan)
     raster = plan.rasterize(resolution_for(plan))
     return Building(grid=raster.grid, room_ids=raster.room_ids, plan=plan)
 

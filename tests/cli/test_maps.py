@@ -194,15 +194,20 @@ def test_places_in_a_map_with_a_yaw_are_told_in_its_frame(tmp_path: Path, with_r
     if with_rooms:
         ids = cv2.connectedComponents((image == 254).astype(np.uint8))[1].astype(np.uint8)
         cv2.imwrite(str(tmp_path / "floor_rooms.png"), ids)
-    text = invoke("import", str(source), "--out", str(tmp_path / "plan.geojson"))[1]
+    words = ["--out", str(tmp_path / "plan.geojson"), "--robot", str(tmp_path / "robot")]
+    text = invoke("import", str(source), *words)[1]
     pair = r"x (-?\d+\.\d), y (-?\d+\.\d)"
     found = re.search(rf"{pair} of the map \({pair} of the floor plan\): room \d+ of 1[45].* no door", text)
     assert found is not None
     row, col = load_grid(source).world_to_cell(float(found[1]), float(found[2]))
     assert 34 <= 199 - row < 110 and 198 <= col < 276
+    assert load_grid(tmp_path / "robot" / "map.yaml").origin == load_grid(source).origin
     rooms, place = load_plan(tmp_path / "plan.geojson").rooms, shapely.Point(float(found[3]), float(found[4]))
     room = next(room for room in rooms if room.polygon.contains(place))
     assert f"room {room.id} of" in found[0]
+    goals = [node["goal"] for node in json.loads((tmp_path / "robot" / "graph.json").read_text())["nodes"]]
+    cells = [load_grid(source).world_to_cell(*goal) for goal in goals if goal]
+    assert cells and all(image[199 - row, col] == 254 for row, col in cells)
 
 
 def test_a_drawing_in_feet_becomes_metres(tmp_path: Path) -> None:
