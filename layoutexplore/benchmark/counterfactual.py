@@ -167,7 +167,8 @@ class CounterfactualRollouts:
         self._simulation = simulation
         inner = untimed(simulation.predictor)
         # Less foresight than the agent has had would change its choice, however right its predictor is.
-        self._oracle = OraclePredictor(horizon=inner.horizon if isinstance(inner, OraclePredictor) else 0.0)
+        oracle = inner if isinstance(inner, OraclePredictor) else OraclePredictor()
+        self._oracle = OraclePredictor(horizon=oracle.horizon, within=oracle.within)
         self._oracle.reveal(simulation.truth)
         self._rows: list[list[float]] = []
         self._kept: list[_Pursued] = []

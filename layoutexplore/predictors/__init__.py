@@ -2,10 +2,11 @@
 
 `none` tells nothing, `oracle` tells the truth (the ceiling of prediction), and `oracle:flip=0.1` tells it
 with a share of the rooms judged wrongly, for the question how good a prediction has to be;
-`oracle:horizon=2` also foresees the true plan up to two doors beyond what is seen. `layout` is the one to
-use, `layout:model=FOLDER` the same with models of one's own, `layout:network=off` the same by trees alone, in
-less time; `learned:rooms=METHOD` lets these models complete the rooms of any layout method, where `layout`
-has those of `doorways`. `reconstruct:METHOD` completes a method's rooms by lines instead
+`oracle:horizon=2` also foresees the true plan up to two doors beyond what is seen, and
+`oracle:horizon=inf,within=2,wrong=0.1` up to 2 m beyond known floor, a tenth of it wrongly. `layout` is the
+one to use, `layout:model=FOLDER` the same with models of one's own, `layout:network=off` the same by trees
+alone, in less time; `learned:rooms=METHOD` lets these models complete the rooms of any layout method, where
+`layout` has those of `doorways`. `reconstruct:METHOD` completes a method's rooms by lines instead
 (`reconstruct:rose2`, with options `reconstruct:ias15;sigma=0.2`); `rectangle`, `hull`, `parallel-wall` and
 `face-subset` are what the literature offers. `prior:FILE` registers a plan known beforehand with the map and
 foresees unseen rooms by it; `prior:rough` and the like make such a plan from that of the run, for studies.
@@ -56,6 +57,8 @@ class OracleOptions(Options):
 
     flip: float = option(0.0, "probability that a room is judged wrongly", low=0.0, high=1.0)
     horizon: str = option("0", "doors beyond what is seen up to which the plan is foreseen: 0, 1, ... or inf")
+    within: str = option("inf", "metres beyond known floor up to which it is foreseen, or inf")
+    wrong: float = option(0.0, "share of what is foreseen that is the contrary", low=0.0, high=1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +111,12 @@ def _register_shipped() -> None:
     PREDICTORS.ship(
         "oracle",
         "the true rooms: the ceiling of prediction",
-        lambda name, options: OraclePredictor(flip=options.flip, horizon=_doors(options.horizon)),
+        lambda name, options: OraclePredictor(
+            flip=options.flip,
+            horizon=_number("horizon is a number of doors, 0, 1, ... or inf", options.horizon),
+            within=_number("within is a distance in metres above 0, or inf", options.within),
+            wrong=options.wrong,
+        ),
         OracleOptions(),
     )
     PREDICTORS.ship(
@@ -131,14 +139,12 @@ def _register_shipped() -> None:
         PREDICTORS.ship(name, doc, _learned, LearnedOptions())
 
 
-def _doors(text: str) -> float:
-    """A number of doors, or infinity."""
+def _number(what: str, text: str) -> float:
+    """A number of `oracle`, or infinity."""
     try:
         return float(text)
     except ValueError as error:
-        raise ConfigError(
-            f"oracle: horizon is a number of doors, 0, 1, ... or inf, got {shortened(text)}"
-        ) from error
+        raise ConfigError(f"oracle: {what}, got {shortened(text)}") from error
 
 
 def _learned(name: str, options: LearnedOptions) -> LearnedPredictor:

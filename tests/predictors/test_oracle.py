@@ -19,9 +19,12 @@ from tests.plans import HOUSE, WIDE_DOORS
 PLAN = floorplan_from_ascii(HOUSE, resolution=1.0)
 
 
-def foreseen_at(horizon: float, x: float = 6.5, y: float = 7.5) -> tuple[Simulation, Foresight]:
+def foreseen_at(
+    horizon: float, x: float = 6.5, y: float = 7.5, *, within: float = math.inf, wrong: float = 0.0
+) -> tuple[Simulation, Foresight]:
     """A robot in room b of `HOUSE`, beside the door through which little of room a is seen."""
-    simulation = Simulation(PLAN, SimulationConfig(sensor="short"), OraclePredictor(horizon=horizon))
+    oracle = OraclePredictor(horizon=horizon, within=within, wrong=wrong)
+    simulation = Simulation(PLAN, SimulationConfig(sensor="short"), oracle)
     foresight = simulation.reset(start=Pose(x, y)).foresight
     assert foresight is not None
     return simulation, foresight
@@ -100,8 +103,41 @@ def test_a_horizon_is_a_number_of_doors(spec: str) -> None:
         make_predictor(spec)
 
 
+def test_what_is_foreseen_ends_so_many_metres_beyond_known_floor() -> None:
+    simulation, whole = foreseen_at(math.inf)
+    known = simulation.decision.grid.cells
+    floor = np.argwhere(known == FREE)
+    for metres in (0.5, 2.0):
+        near = foreseen_at(math.inf, within=metres)[1]
+        told = near.cells != UNKNOWN
+        assert np.array_equal(near.cells[told], whole.cells[told])
+        for row, col in np.argwhere((known == UNKNOWN) & (whole.cells != UNKNOWN))[::20]:
+            away = 0.1 * np.hypot(*(floor - (row, col)).T).min()
+            # The distance transform is out by some per cent.
+            assert told[row, col] if away < 0.95 * metres else away < 1.05 * metres or not told[row, col]
+
+
+def test_a_share_of_the_squares_is_foreseen_wrongly() -> None:
+    _, right = foreseen_at(math.inf)
+    _, wrong = foreseen_at(math.inf, wrong=0.2)
+    differs, told = wrong.cells != right.cells, right.cells != UNKNOWN
+    assert abs(differs[told].mean() - 0.2) < 0.05 and wrong.confidence == 0.8
+    squares = [slice(row, row + 4) for row in range(0, 108, 4)]
+    whole = [(rows, cols) for rows in squares for cols in squares if told[rows, cols].all()]
+    assert {int(differs[square].sum()) for square in whole} == {0, 16}
+    assert not wrong.room_ids[wrong.cells != FREE].any()
+    assert np.array_equal(foreseen_at(math.inf, wrong=0.2)[1].cells, wrong.cells)
+
+
+@pytest.mark.parametrize("spec", ["oracle:within=0", "oracle:within=near", "oracle:wrong=1.5"])
+def test_distances_and_shares_make_sense(spec: str) -> None:
+    with pytest.raises(ConfigError, match=f"{spec[7 : spec.index('=')]}.*{spec.partition('=')[2]}"):
+        make_predictor(spec)
+
+
 def test_names_say_the_horizon() -> None:
-    for spec in ("oracle", "oracle:horizon=2", "oracle:flip=0.1,horizon=inf"):
+    near = "oracle:horizon=inf,within=2,wrong=0.1"
+    for spec in ("oracle", "oracle:horizon=2", "oracle:flip=0.1,horizon=inf", near):
         made = make_predictor(spec)
         assert made is not None
         assert made.name == spec
