@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, cause, shortened, unknown_name
+from layoutexplore.errors import ConfigError, UnknownNameError, cause, shortened, unknown_name
 
 T = TypeVar("T")
 
@@ -298,16 +298,27 @@ def parse_options(what: str, spec: str, name: str, text: str | None, defaults: A
     if whole or (first and items[0].partition("=")[0].strip() not in fields):
         items[0] = f"{first}={items[0]}"
     values: dict[str, Value] = {}
-    for key, value in split_pairs(f"{what} {shortened(spec)}", items).items():
+    pairs = split_pairs(f"{what} {shortened(spec)}", items)
+    for key, value in pairs.items():
         if key not in fields:
             if not fields:
                 raise ConfigError(f"{what} {shortened(spec)}: it has no parameters")
-            raise unknown_name(f"parameter of {what} {shortened(name)}", key, fields)
+            unknown = unknown_name(f"parameter of {what} {shortened(name)}", key, fields)
+            raise UnknownNameError(f"{unknown}{_semicolon_hint(pairs, key)}")
         values[key] = read_value(f"{what} {shortened(spec)}: {key}", getattr(defaults, key), value)
     try:
         return dataclasses.replace(defaults, **values)
     except ConfigError as error:
         raise ConfigError(f"{what} {shortened(spec)}: {error}") from None
+
+
+def _semicolon_hint(pairs: dict[str, str], key: str) -> str:
+    """What to write where an unknown key is meant for a value with parameters of its own; empty for none."""
+    nested = next((f"{owner}={value}" for owner, value in pairs.items() if ":" in value), "")
+    if not nested:
+        return ""
+    meant = shortened(f"{nested};{key}={pairs[key]}")
+    return f"; parameters inside of a parameter stand behind semicolons: {meant}"
 
 
 def split_pairs(where: str, items: Iterable[str]) -> dict[str, str]:

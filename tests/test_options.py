@@ -156,6 +156,15 @@ def test_texts_are_read_as_they_are_written() -> None:
             parsed(text)
 
 
+def test_a_parameter_that_is_meant_for_an_inner_name_is_told_how_to_be_written() -> None:
+    with pytest.raises(ConfigError, match=r"'within'.*semicolons: 'predictor=oracle:flip=0\.1;within=2'"):
+        make_agent("plan-tour:predictor=oracle:flip=0.1,within=2")
+    with pytest.raises(ConfigError) as error:
+        make_agent("plan-tour:within=2,predictor=layout")
+    assert "semicolons" not in str(error.value)
+    assert make_agent("plan-tour:predictor=oracle:flip=0.1;within=2")
+
+
 def test_a_message_about_a_long_text_is_short() -> None:
     for text in ("nearest:min_size=" + "1" * 5000, "nearest:" + "x" * 5000, "nearest:" + "y" * 5000 + "=1"):
         with pytest.raises(LayoutExploreError) as error:
