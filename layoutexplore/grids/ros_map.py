@@ -358,22 +358,41 @@ def _to_pixels(grid: OccupancyGrid, mode: str) -> Bytes:
     return np.where(cells == FREE, 254, np.where(cells == OCCUPIED, 0, 205)).astype(np.uint8)
 
 
-def check_picture(name: str, image: object) -> None:
-    """Raise `MapError` unless it is a picture: an array (h, w) grey or (h, w, 3) RGB of uint8 or uint16."""
+MOST_DRAWN, MOST_IN_PNG = 32_767, 1_000_000
+"""Pixels on a side of a picture that OpenCV still resizes, and that a PNG file holds."""
+
+
+def check_picture(name: str, image: object, most: int = MOST_DRAWN) -> None:
+    """Raise `MapError` unless it is a picture: an array (h, w) grey or (h, w, 3) RGB of uint8 or uint16.
+
+    Args:
+        name: What it is called in the message.
+        image: What may be one.
+        most: Pixels on a side.
+    """
     if not (
         isinstance(image, np.ndarray)
         and image.dtype in (np.uint8, np.uint16)
         and (image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3))
         and min(image.shape[:2]) > 0
-        and max(image.shape[:2]) < 1 << 15
     ):
         raise MapError(f"{name} must be a picture, uint8 (h, w) or (h, w, 3), got {shortened(image)}")
+    if max(image.shape[:2]) > most:
+        high, wide = image.shape[:2]
+        raise MapError(
+            f"{name} is a picture of {wide} x {high} pixels, of which a side may have {most}: larger cells "
+            "or a part of it make it smaller"
+        )
 
 
 @checks_arguments
 def encode_png(image: Bytes | NDArray[np.uint16]) -> bytes:
-    """A picture (h, w) grey or (h, w, 3) RGB as a PNG file's content, packed as small as it goes."""
-    check_picture("image", image)
+    """A picture (h, w) grey or (h, w, 3) RGB as a PNG file's content, packed as small as it goes.
+
+    Raises:
+        MapError: It is none, or a side has more than a million pixels.
+    """
+    check_picture("image", image, MOST_IN_PNG)
     pixels = image if image.ndim == 2 else image[:, :, ::-1]
     _, data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     return data.tobytes()

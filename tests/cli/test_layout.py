@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 from layoutexplore.cli import app
 from layoutexplore.cli.evaluate.segmentation import weights_of
 from layoutexplore.errors import ConfigError, MapError
+from layoutexplore.grids.ros_map import encode_png
 from layoutexplore.layout.merging.merge_forest import PAIR_FOREST
 from layoutexplore.layout.merging.merge_tree.cut import CUT_FOREST, MergingModels
 from layoutexplore.maps import expand_plans, load_plan
@@ -112,6 +113,16 @@ def test_results_of_maps_of_one_name_are_called_by_their_folders_too(tmp_path: P
     assert result.exit_code == 0, result.output
     names = {path.name for path in (tmp_path / "out").glob("*_labels.png")}
     assert names == {"one_map_labels.png", "two_map_labels.png"}
+
+
+def test_a_map_of_any_length_is_written(tmp_path: Path) -> None:
+    """Sides of 32,768 pixels and more were refused once the layout was found: "must be a picture, uint8"."""
+    cv2.imwrite(str(tmp_path / "long.png"), np.full((12, 40_000), 254, np.uint8))
+    words = ["layout", str(tmp_path / "long.png"), "--out", str(tmp_path), "-m", "distance"]
+    assert runner.invoke(app, words).exit_code == 0
+    assert cv2.imread(str(tmp_path / "long_labels.png"), cv2.IMREAD_UNCHANGED).shape == (12, 40_000)
+    with pytest.raises(MapError, match="is a picture of 1000001 x 2 pixels, of which a side may have"):
+        encode_png(np.zeros((2, 1_000_001), np.uint8))
 
 
 def test_what_is_no_map_is_told_what_reads_it(tmp_path: Path) -> None:
