@@ -280,18 +280,20 @@ def _given(
         given = signature.bind(*args, **kwargs).arguments
     except TypeError:
         return {}
-    found = {}
+    found: dict[str, tuple[Any, Any, str]] = {}
     for name in filter(given.__contains__, function.__annotations__):  # not of `self`: it has none
-        annotation, value = function.__annotations__[name], given[name]
-        default = signature.parameters[name].default
+        kind, value, parameter = function.__annotations__[name], given[name], signature.parameters[name]
+        default = parameter.default
         if value is default or (isinstance(value, (str, int, float)) and repr(value) == repr(default)):
             continue
         try:
-            names = _Names(function.__globals__)
-            meant = eval(annotation, {}, names) if isinstance(annotation, str) else annotation
+            meant = eval(kind, {}, _Names(function.__globals__)) if isinstance(kind, str) else kind
         except Exception:  # of a module imported for type checkers alone, or no Python at all
             continue
-        found[name] = (value, meant, str(annotation))
+        each = value if parameter.kind is parameter.VAR_KEYWORD else {name: value}
+        if parameter.kind is parameter.VAR_POSITIONAL:
+            each = {f"{name}[{k}]": one for k, one in enumerate(value)}
+        found |= {key: (one, meant, str(kind)) for key, one in each.items()}
     return found
 
 

@@ -158,7 +158,7 @@ def mean_coverage(distance: ArrayLike, coverage: ArrayLike, horizon: float) -> f
 
 
 @checks_arguments
-def coverage_at(distance: ArrayLike, coverage: ArrayLike, at: ArrayLike) -> NDArray[np.float64]:
+def coverage_at(distance: ArrayLike, coverage: ArrayLike, at: ArrayLike | float) -> NDArray[np.float64]:
     """Coverage at given distances, float64 like `at`.
 
     Linear between scans, the last value after the run's end.

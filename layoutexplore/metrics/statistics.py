@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from layoutexplore.errors import ConfigError, checks_arguments, shortened
+from layoutexplore.errors import ConfigError, cause, checks_arguments, shortened
 
 DRAWS = 10_000
 """Bootstrap draws."""
@@ -122,7 +123,7 @@ def weighted_mean(values: Floats, weights: Floats) -> Floats:
 @checks_arguments
 def cluster_bootstrap(
     values: ArrayLike,
-    clusters: ArrayLike,
+    clusters: Collection[Any],
     statistic: WeightedStatistic = weighted_interquartile_mean,
     *,
     draws: int = DRAWS,
@@ -137,11 +138,11 @@ def cluster_bootstrap(
         statistic: What is estimated.
         draws: Number of bootstrap draws, at least 1.
         confidence: Of the interval, above 0 and below 1.
-        seed: Of the draws.
+        seed: Of the draws, 0 or more.
 
     Raises:
-        ConfigError: No values, values and clusters of different length, no draws, or a confidence that is
-            not above 0 and below 1.
+        ConfigError: No values, values and clusters of different length, no draws, a seed below 0, or a
+            confidence that is not above 0 and below 1.
 
     Example:
         >>> cluster_bootstrap([0.0, 0.0, 1.0, 1.0], ["a", "a", "b", "b"], seed=1)
@@ -151,6 +152,8 @@ def cluster_bootstrap(
         raise ConfigError(f"draws must be a whole number of at least 1, got {shortened(draws)}")
     if not (isinstance(confidence, (int, float, np.floating)) and 0 < confidence < 1):
         raise ConfigError(f"confidence must be above 0 and below 1 (0.95), got {shortened(confidence)}")
+    if not (isinstance(seed, (int, np.integer)) and seed >= 0):
+        raise ConfigError(f"seed must be a whole number, 0 or more, got {shortened(seed)}")
     sample, names, member = _clustered(values, clusters)
     estimate = float(statistic(sample, np.ones((1, len(sample))))[0])
     if len(names) < 2:
@@ -217,7 +220,7 @@ def _drawn(clusters: int, draws: int, seed: int) -> Floats:
 
 
 @checks_arguments
-def cluster_means(values: ArrayLike, clusters: ArrayLike) -> tuple[Floats, NDArray[np.generic]]:
+def cluster_means(values: ArrayLike, clusters: Collection[Any]) -> tuple[Floats, NDArray[np.generic]]:
     """Mean of the values of each cluster, float64 (k,), and the clusters' names, sorted.
 
     Raises:
@@ -261,13 +264,16 @@ def improvements(differences: ArrayLike) -> Floats:
 
 
 def _clustered(
-    values: ArrayLike, clusters: ArrayLike
+    values: ArrayLike, clusters: Collection[Any]
 ) -> tuple[Floats, NDArray[np.generic], NDArray[np.intp]]:
     """The values, the clusters' names, sorted, and the number of each value's cluster."""
     sample = _sample(values)
-    names, member = np.unique(np.asarray(clusters), return_inverse=True)
+    try:
+        names, member = np.unique(np.asarray(clusters), return_inverse=True)
+    except (TypeError, ValueError) as error:  # what has no order, rows of different lengths
+        raise ConfigError(f"clusters are names or numbers, one a value: {cause(error)}") from error
     if member.shape != sample.shape:
-        raise ConfigError(f"{len(sample)} values need as many clusters, got {len(member)}")
+        raise ConfigError(f"{len(sample)} values need as many clusters, got {shortened(clusters)}")
     return sample, names, member
 
 

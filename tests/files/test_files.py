@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from layoutexplore.errors import ConfigError, MapError, ResultsError, WriteError
+from layoutexplore.errors import ConfigError, MapError, ResultsError, WriteError, checks_arguments
 from layoutexplore.files import (
     all_or_none,
     atomic,
@@ -143,6 +143,21 @@ def test_archives(tmp_path: Path) -> None:
     assert not is_whole(path)
     with pytest.raises(ResultsError, match="damaged"):
         read_arrays(path)
+
+
+@checks_arguments
+def joined(*parts: str, **numbers: int) -> str:
+    return "".join(parts) + str(1 // sum(numbers.values()))
+
+
+def test_of_several_arguments_each_is_looked_at() -> None:
+    """As of the names of arrays; all together were taken for one: "parts must be str, got ('a', 'b')"."""
+    with pytest.raises(ZeroDivisionError):
+        joined("a", "b", one=0)
+    with pytest.raises(ConfigError, match=r"joined: parts\[1\] must be str, got 2$"):
+        joined("a", 2, one=1)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=r"joined: two must be int, got 'x'$"):
+        joined("a", one=1, two="x")  # type: ignore[arg-type]
 
 
 def test_every_text_and_number_is_valid_toml(tmp_path: Path) -> None:

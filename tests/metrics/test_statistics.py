@@ -135,6 +135,17 @@ def test_values_without_clusters() -> None:
         cluster_bootstrap([1.0, 2.0], ["a"])
 
 
+def test_a_fault_of_a_statistic_of_ones_own_stays_one() -> None:
+    """Names of clusters were blamed for it: "clusters must be ArrayLike"."""
+
+    def own(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        raise KeyError("mine")
+
+    for clusters in (["a", "b"], ("a", "b"), np.array(["a", "b"])):
+        with pytest.raises(KeyError, match="mine"):
+            cluster_bootstrap([1.0, 2.0], clusters, own)
+
+
 @pytest.mark.parametrize("statistic", [weighted_mean, weighted_interquartile_mean])
 def test_weights_fit_the_values(statistic) -> None:
     for values, weights in (
@@ -152,6 +163,7 @@ def test_weights_fit_the_values(statistic) -> None:
     [
         ({"draws": 0}, "draws must be a whole number of at least 1, got 0"),
         ({"draws": 2.5}, "draws must be a whole number of at least 1, got 2.5"),
+        ({"seed": -1}, "seed must be a whole number, 0 or more, got -1"),
         ({"confidence": 95}, "confidence must be above 0 and below 1 (0.95), got 95"),
         ({"confidence": math.nan}, "confidence must be above 0 and below 1 (0.95), got nan"),
     ],
