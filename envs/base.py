@@ -135,6 +135,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
         """Start an episode: draw the plan and the simulation's seed, and reset it."""
         options = {} if options is None else options
         check_keys(options, _OPTIONS, "the options of reset")
+        self._over = True  # Where it fails, no episode goes on under the seed and the plan of this one.
         super().reset(seed=None if seed is None else SEED.convert("seed", seed))
         self._plan_index, plan = self._plans.draw(self.np_random, self.progress)
         if options.get("plan") is not None:

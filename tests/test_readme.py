@@ -12,7 +12,7 @@ import pytest
 import typer
 
 from layoutexplore import cli
-from layoutexplore.agents import agent_names
+from layoutexplore.agents import agent_names, describe_agents
 from layoutexplore.agents.base import AGENTS
 from layoutexplore.benchmark.config import BenchmarkConfig, read_benchmark_config
 from layoutexplore.documentation.site import PAGES
@@ -83,6 +83,11 @@ def test_every_agent_and_sensor_is_named() -> None:
     shipped = [name for name in agent_names() if name not in own]
     assert len(shipped) >= 25
     assert [name for name in (*shipped, *SENSORS) if f"| `{name}` |" not in STRATEGIES] == []
+
+
+def test_strategies_without_parameters_are_told() -> None:
+    without = [f"`{it.name}`" for it in describe_agents() if not it.parameters]
+    assert f"All but {' and '.join(without)} take parameters" in STRATEGIES
 
 
 def test_the_readme_opens_with_the_two_commands() -> None:

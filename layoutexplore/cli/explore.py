@@ -224,7 +224,8 @@ def with_prior(agent: str, prior: str | None, scale: float | None) -> str:
     """The agent whose predictor is a plan known beforehand.
 
     Raises:
-        ConfigError: A scale without a plan, or an agent that names a predictor already or takes none.
+        ConfigError: A scale without a plan or that is none, or an agent that names a predictor already or
+            takes none.
 
     Example:
         >>> with_prior("layout-tour", "plan.png", 0.02)
@@ -232,6 +233,7 @@ def with_prior(agent: str, prior: str | None, scale: float | None) -> str:
     """
     from layoutexplore.agents import make_agent
     from layoutexplore.errors import ConfigError, shortened
+    from layoutexplore.options import Rule
 
     if prior is None:
         if scale is not None:
@@ -243,6 +245,7 @@ def with_prior(agent: str, prior: str | None, scale: float | None) -> str:
         )
     if set(prior) & set(",;="):
         raise ConfigError(f"--prior: the name {shortened(prior)} must have none of , ; =")
+    Rule(above=0.0, high=1e4, optional=True).convert("--prior-scale", scale)
     hint = "" if scale is None else f";scale={scale:g}"
     return f"{agent}{',' if ':' in agent else ':'}predictor=prior:{prior}{hint}"
 

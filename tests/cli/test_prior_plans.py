@@ -65,6 +65,7 @@ def test_a_photo_without_a_plan_ends_in_an_error_that_names_it(tmp_path: Path) -
         ("layout-tour:predictor=oracle", "plan.png", None, "names none"),
         ("layout-tour", None, 0.1, "give that, too"),
         ("layout-tour", "a;b.png", None, "must have none of"),
+        ("layout-tour", "plan.png", 0.0, "^--prior-scale must be a finite number above 0"),
     ],
 )
 def test_nonsense_is_refused(agent: str, prior: str | None, scale: float | None, message: str) -> None:

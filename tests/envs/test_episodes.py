@@ -104,6 +104,20 @@ def test_reset_options_choose_plan_and_start(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", IDS)
+def test_a_reset_that_fails_ends_the_episode(name: str) -> None:
+    """It went on, and its info told the seed of the one that did not begin."""
+    env = make(name).unwrapped
+    env.reset(seed=0)
+    env.step(0)
+    with pytest.raises(StartError):
+        env.reset(options={"start": (99.0, 1.0)})
+    with pytest.raises(ResetNeeded, match="over"):
+        env.step(0)
+    env.reset()
+    env.step(0)
+
+
+@pytest.mark.parametrize("name", IDS)
 def test_stepping_needs_a_running_episode(name: str) -> None:
     env = make(name, simulation=SimulationConfig(coverage_goal=0.05)).unwrapped
     with pytest.raises(ResetNeeded):
