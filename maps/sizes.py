@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import MapError
 from layoutexplore.files.limits import limits, raise_it
-from layoutexplore.grids.arrays import Floats, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Labels, Mask
 
 MOST_METRES = 1e8
 """No coordinate is larger: no building stands further from the origin of its coordinates."""
@@ -268,13 +268,13 @@ def check_drawing(where: str, shapes: list[Any], resolution: float, cells: int) 
         )
 
 
-def check_raster(where: str, occupied: Mask, room_ids: Ints32) -> None:
+def check_raster(where: str, occupied: Mask, room_ids: Labels) -> None:
     """Raise `MapError` unless the rooms of a raster can be traced soon.
 
     Args:
         where: The plan, for the message.
         occupied: bool (rows, cols).
-        room_ids: int32 (rows, cols), 0 for none.
+        room_ids: int16 or int32 (rows, cols), 0 for none.
     """
     check_count(where, "cells", occupied.size, "image_pixels")
     ids = np.where(occupied, -1, room_ids)
@@ -286,8 +286,8 @@ def check_raster(where: str, occupied: Mask, room_ids: Ints32) -> None:
 Window = tuple[slice, slice]
 
 
-def windows(where: str, ids: Ints32) -> list[tuple[int, Window]]:
-    """Every id above 0 of an image int32 (rows, cols), with the window of its cells.
+def windows(where: str, ids: Labels) -> list[tuple[int, Window]]:
+    """Every id above 0 of an image int16 or int32 (rows, cols), with the window of its cells.
 
     Args:
         where: The plan, for the message.
@@ -311,7 +311,7 @@ def windows(where: str, ids: Ints32) -> list[tuple[int, Window]]:
 
 
 @njit(cache=True, nogil=True)
-def _corners(ids: Ints32) -> int:
+def _corners(ids: Labels) -> int:
     """Places between four cells in which an outline turns, or two cross."""
     found = 0
     for r in range(ids.shape[0] - 1):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments
-from layoutexplore.grids.arrays import Ints32, shows_shapes
+from layoutexplore.grids.arrays import Ints32, Labels, shows_shapes
 from layoutexplore.grids.components import split_labels
 from layoutexplore.grids.flood import spread_in_place
 from layoutexplore.grids.grid import OccupancyGrid, Pose
@@ -35,13 +35,13 @@ class Building:
 
     Attributes:
         grid: The map, cleaned, in its own frame.
-        room_ids: int32 (rows, cols), the room of each cell of the grid, 0 for none.
+        room_ids: int16 or int32 (rows, cols), the room of each cell of the grid, 0 for none.
         plan: The floor plan, its rooms numbered alike; axes along the rows and columns of the map.
         warnings: Of the layout method.
     """
 
     grid: OccupancyGrid
-    room_ids: Ints32
+    room_ids: Labels
     plan: FloorPlan
     warnings: tuple[str, ...] = ()
 

@@ -9,6 +9,7 @@ pure functions of arrays.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -205,12 +206,12 @@ def revisit_share(track: ArrayLike, *, square: float = REVISIT_SQUARE, delay: fl
 
 @checks_arguments
 def rooms_finished(
-    room_ids: NDArray[np.int32], target: NDArray[np.bool_], seen: NDArray[np.bool_]
+    room_ids: NDArray[np.signedinteger[Any]], target: NDArray[np.bool_], seen: NDArray[np.bool_]
 ) -> tuple[int, int]:
     """Number of rooms of whose target area at least 95 % has been seen, and number of rooms that have any.
 
     Args:
-        room_ids: int32 (rows, cols), 0 where there is no room.
+        room_ids: int16 or int32 (rows, cols), 0 where there is no room.
         target: bool (rows, cols), cells that can be asked to be seen.
         seen: bool (rows, cols), cells that are known.
     """

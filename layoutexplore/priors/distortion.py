@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Mask
+from layoutexplore.grids.arrays import Floats, Floats32, Ints32, Labels, Mask
 from layoutexplore.maps.raster import PlanRaster
 
 WAVES = 4
@@ -133,13 +133,13 @@ def scale_matrix(factors: tuple[float, float], mirrored: bool, turn: float) -> F
 
 
 def draw_distorted(
-    free: Mask, room_ids: Ints32, frame: PlanRaster, distortion: Distortion, resolution: float
+    free: Mask, room_ids: Labels, frame: PlanRaster, distortion: Distortion, resolution: float
 ) -> tuple[Mask, Ints32, Distortion]:
     """A raster as it looks in the drawing.
 
     Args:
         free: bool (rows, cols), floor.
-        room_ids: int32 (rows, cols).
+        room_ids: int16 or int32 (rows, cols).
         frame: Whose cells they are.
         distortion: Its shift is chosen here: the drawing begins at (0, 0).
         resolution: Metres of the drawing a cell.

@@ -15,7 +15,7 @@ import numpy as np
 import scipy  # its parts are loaded where they are used
 
 from layoutexplore.errors import MapError, checks_arguments
-from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Mask
+from layoutexplore.grids.arrays import Bytes, Floats, Ints, Ints32, Labels, Mask
 from layoutexplore.grids.grid import check_resolution
 from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.options import Rule, check
@@ -71,7 +71,7 @@ class PictureStyle:
 @checks_arguments
 def draw_evacuation_plan(
     free: Mask,
-    room_ids: Ints32,
+    room_ids: Labels,
     resolution: float,
     rng: np.random.Generator,
     *,
@@ -81,7 +81,7 @@ def draw_evacuation_plan(
 
     Args:
         free: bool (rows, cols), floor; row 0 has the lowest y.
-        room_ids: int32 (rows, cols), rooms, 0 for none.
+        room_ids: int16 or int32 (rows, cols), rooms, 0 for none.
         resolution: Metres a cell.
         rng: For places of signs.
         style: How it is drawn.

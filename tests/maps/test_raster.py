@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import get_type_hints
+
 import cv2
 import numpy as np
 import pytest
@@ -9,9 +11,14 @@ import shapely
 from scipy import ndimage
 
 from layoutexplore.errors import MapError
+from layoutexplore.grids.arrays import Labels
 from layoutexplore.grids.grid import Cell, Pose
+from layoutexplore.importing.building import Building, building_of_plan
 from layoutexplore.maps.floorplan import FloorPlan, PlanRaster, Room
 from layoutexplore.maps.tracing import floorplan_from_ascii
+from layoutexplore.metrics.exploration import rooms_finished
+from layoutexplore.priors.distortion import draw_distorted
+from layoutexplore.priors.evacuation_picture import draw_evacuation_plan
 from tests.maps.cases import two_rooms
 
 
@@ -103,6 +110,15 @@ def test_large_room_numbers_stay_what_they_are() -> None:
     for largest, kind in ((32_767, np.int16), (32_768, np.int32), (-32_769, np.int32), (100_000, np.int32)):
         raster = PlanRaster(np.eye(3, dtype=bool), np.array([[0, 0, largest]] * 3), 0.1)
         assert raster.room_ids.dtype == kind and (raster.room_ids[:, 2] == largest).all()
+
+
+def test_what_takes_or_has_room_ids_of_a_raster_says_of_which_type() -> None:
+    """It said int32, which they are only where the numbers do not fit into 16 bit."""
+    raster = two_rooms().rasterize(0.1)
+    for told in (Building, rooms_finished, draw_evacuation_plan, draw_distorted):
+        assert f"{raster.room_ids.dtype} or int32 (rows, cols)" in (told.__doc__ or "")
+        assert get_type_hints(told)["room_ids"] == Labels
+    assert building_of_plan(two_rooms()).room_ids.dtype == raster.room_ids.dtype
 
 
 def test_areas_that_are_not_connected() -> None:
