@@ -197,6 +197,23 @@ def check(config: object, prefix: str = "", /, **rules: Rule) -> None:
         object.__setattr__(config, name, rule.convert(prefix + name, getattr(config, name)))
 
 
+def make_floats(config: object) -> None:
+    """Whole numbers in those fields of a frozen dataclass that are floats become such: equals are told alike.
+
+    Example:
+        >>> @dataclasses.dataclass(frozen=True)
+        ... class Move:
+        ...     metres: "float"
+        >>> make_floats(move := Move(2))
+        >>> move
+        Move(metres=2.0)
+    """
+    for field in dataclasses.fields(config):  # type: ignore[arg-type]
+        value = getattr(config, field.name)
+        if str(field.type).startswith("float") and isinstance(value, int):
+            object.__setattr__(config, field.name, float(value))
+
+
 def check_keys(table: Any, known: Iterable[str], where: str) -> None:
     """Raise `ConfigError` unless it is a table with known keys only; the closest known ones are suggested."""
     if not isinstance(table, Mapping):

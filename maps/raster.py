@@ -70,6 +70,7 @@ class PlanRaster:
 
     def __post_init__(self) -> None:
         check_resolution(self.resolution)
+        object.__setattr__(self, "resolution", float(self.resolution))
         if self.occupied.ndim != 2 or self.occupied.shape != self.room_ids.shape:
             raise MapError(
                 f"occupied {self.occupied.shape} and room_ids {self.room_ids.shape} must be equal 2-d shapes"

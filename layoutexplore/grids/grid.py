@@ -81,6 +81,8 @@ class OccupancyGrid:
         if len(self.origin) != 3 or not all(math.isfinite(v) for v in self.origin):
             raise MapError(f"the origin must be three finite numbers (x, y, yaw), got {tuple(self.origin)}")
         object.__setattr__(self, "cells", cells)
+        # Of a number of NumPy's, kernels would be compiled once more, and count with the digits that it has.
+        object.__setattr__(self, "resolution", float(self.resolution))
         object.__setattr__(self, "origin", Pose(*(float(v) for v in self.origin)))
 
     @property

@@ -40,7 +40,7 @@ from layoutexplore.grids.arrays import Bytes, Floats, Floats32, Mask
 from layoutexplore.grids.grid import Pose, check_resolution
 from layoutexplore.grids.morphology import measure_clearance
 from layoutexplore.grids.rays import ray_frame, steps
-from layoutexplore.options import Rule, check, check_kind
+from layoutexplore.options import Rule, check, check_kind, make_floats
 
 MOST_BEAMS = 100_000
 """Beams of a scan, also of one all around with the density of a lidar that sees less."""
@@ -86,6 +86,7 @@ class LidarConfig:
             **dict.fromkeys(("range_max", "fov", "angle_offset", "range_noise_std", "dropout"), numbers),
             beams=Rule(kind=int, low=1, high=MOST_BEAMS),
         )
+        make_floats(self)
         checks = {
             "range_max must be metres above 0 and at most 10000": 0 < self.range_max <= 1e4,
             "fov must be radians above 0 and at most 2 pi (6.283185)": 0 < self.fov <= 2 * math.pi + 1e-9,

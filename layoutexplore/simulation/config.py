@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 from layoutexplore.errors import ConfigError, unknown_name
 from layoutexplore.frontiers.viewpoints import GAIN_RANGE, GAIN_RAYS, MIN_SIZE
 from layoutexplore.metrics.exploration import FULLY_SEEN
-from layoutexplore.options import FLAG, SHARE, Rule, check, check_kind
+from layoutexplore.options import FLAG, SHARE, Rule, check, check_kind, make_floats
 from layoutexplore.sensing.lidar import LidarConfig, sensor
 from layoutexplore.simulation.region import Region, check_region
 from layoutexplore.simulation.robot import PERFECT_ODOMETRY, OdometryNoise
@@ -119,6 +119,8 @@ class SimulationConfig:
             )
         noise = Rule(low=0.0, high=100.0)
         check(self.odometry_noise, "odometry_noise.", translation=noise, rotation=noise)
+        make_floats(self.odometry_noise)
+        make_floats(self)
         object.__setattr__(self, "region", check_region(self.region))
 
     def _check_noise(self) -> None:

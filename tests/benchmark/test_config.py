@@ -101,6 +101,21 @@ def test_the_hash_tells_settings_apart_but_not_what_is_run() -> None:
     assert BenchmarkConfig(poses={"a": [(1.0, 2.0, 0.0)]}).config_hash in hashes
 
 
+def test_numbers_that_are_equal_are_one_configuration(tmp_path: Path) -> None:
+    """A file says `turn_cost = 0` or 0.0: runs in one folder had two hashes."""
+    hashes, texts = set(), set()
+    for zero, eight in (("0", "8"), ("0.0", "8.0")):
+        (tmp_path / "study.toml").write_text(
+            f"sensors = ['own']\n[simulation]\nturn_cost = {zero}\n"
+            f"odometry_noise = {{ translation = {zero} }}\n"
+            f"[lidars.own]\nrange_max = {eight}\nfov = 3.0\nbeams = 90\n"
+        )
+        config = BenchmarkConfig(**read_benchmark_config(tmp_path / "study.toml"))
+        hashes.add(config.config_hash)
+        texts.add(repr((config.simulation, config.lidars)))
+    assert len(hashes) == len(texts) == 1
+
+
 def test_cells_have_their_own_seeds() -> None:
     seeds = {run_seed(s, plan, start) for s in (0, 1) for plan in ("a", "b") for start in range(3)}
     assert len(seeds) == 12
