@@ -255,7 +255,7 @@ class Lidar:
         x, y = position_in_cells(pose, self.resolution, self.origin)
         reach = config.range_max / self.resolution
         # The clearance has a border of a cell.
-        place = x + 1.0, y + 1.0, pose.theta
+        place = x + 1.0, y + 1.0, float(pose.theta)
         ranges = _cast(self.padded_clearance, *place, *beam_table(config), reach, self.resolution)
         return _disturb(ranges, config, rng) if config.noisy else ranges
 
@@ -315,7 +315,8 @@ def position_in_cells(pose: Pose, resolution: float, origin: Pose) -> tuple[floa
     """
     if not (math.isfinite(pose.x) and math.isfinite(pose.y) and math.isfinite(pose.theta)):
         raise StartError(f"a pose must be finite numbers, got {pose}")
-    return (pose.x - origin.x) / resolution, (pose.y - origin.y) / resolution
+    # Of a robot that tells it as float32, not with so few digits.
+    return (float(pose.x) - origin.x) / resolution, (float(pose.y) - origin.y) / resolution
 
 
 @lru_cache(maxsize=32)

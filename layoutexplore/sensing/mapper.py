@@ -173,7 +173,7 @@ class Mapper:
         config = around(lidar.config) if full_turn else lidar.config
         col, row = position_in_cells(pose, grid.resolution, grid.origin)
         view = self._view(config)
-        changes = update_occupancy(lidar.padded_clearance, grid.cells, col, row, pose.theta, view)
+        changes = update_occupancy(lidar.padded_clearance, grid.cells, col, row, float(pose.theta), view)
         return self.count(changes)
 
     def integrate(
@@ -208,7 +208,7 @@ class Mapper:
             np.uint8(self._next_stamp(evidence.touched)),
             col,
             row,
-            pose.theta,
+            float(pose.theta),
             self._view(lidar),
             measured / grid.resolution,
             self._rule,

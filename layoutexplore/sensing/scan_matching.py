@@ -119,7 +119,7 @@ class ScanMatcher:
         grid, size = self._grid, self._grid.resolution
         x, y = position_in_cells(pose, size, grid.origin)
         model = MatchModel(self.config.spread / size, self.config.weight, position_std / size, heading_std)
-        believed = (x, y, pose.theta)
+        believed = (x, y, float(pose.theta))
         some = evenly_chosen(ends, self.config.beams)
         # Where the robot was lost, many poses are tried with few points; the refinement takes all again.
         is_wide = position_std > 2.0 * self.config.spread or heading_std > 2.0 * _TURN
@@ -135,7 +135,7 @@ class ScanMatcher:
         config = around(lidar) if full_turn else lidar
         measured = np.asarray(ranges, np.float64) / grid.resolution
         x, y = position_in_cells(pose, grid.resolution, grid.origin)
-        add_points(self._points, x, y, pose.theta, *beam_table(config), measured)
+        add_points(self._points, x, y, float(pose.theta), *beam_table(config), measured)
 
     def _ends(self, ranges: Floats32, lidar: LidarConfig, full_turn: bool) -> Floats:
         """Measured points float64 (n, 2) as the robot sees them, in cells."""

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from layoutexplore.errors import ConfigError, MapError, StartError, UnknownNameError
 from layoutexplore.grids.grid import Pose
 from layoutexplore.sensing.lidar import SENSORS, Lidar, LidarConfig, around, clearance_field, sensor
+from layoutexplore.sensing.mapper import Mapper
 
 ORIGIN = Pose(0.0, 0.0)
 
@@ -121,6 +122,19 @@ def test_no_ray_slips_between_two_cells_that_touch_at_a_corner(angle: float) -> 
     for shift in (0.0, 1e-12, -1e-12, 0.1):
         ranges = Lidar(config, world, 1.0, ORIGIN).scan(Pose(10.0 + shift, 10.0, angle))
         assert (ranges < 5.0).all()
+
+
+def test_a_pose_of_float32_is_not_counted_with_so_few_digits() -> None:
+    world = np.zeros((40, 60), np.bool_)
+    world[:, 50] = True
+    lidar, origin = Lidar(sensor("indoor"), world, 0.1, Pose(-1000.0, 0.0)), Pose(-1000.0, 0.0)
+    told = Pose(*np.array([-998.7, 2.3, 0.3], np.float32))
+    exact = Pose(*map(float, told))
+    np.testing.assert_array_equal(lidar.scan(told), lidar.scan(exact))
+    maps = [Mapper(world.shape, 0.1, origin) for _ in range(2)]
+    for mapper, pose in zip(maps, (told, exact), strict=True):
+        mapper.integrate(pose, lidar.scan(exact), lidar.config)
+    np.testing.assert_array_equal(maps[0].grid.cells, maps[1].grid.cells)
 
 
 def test_outside_is_occupied_and_unseen_inside_a_wall() -> None:
