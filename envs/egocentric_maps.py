@@ -7,7 +7,7 @@ several.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numba import njit
@@ -24,6 +24,9 @@ CHANNELS = ("free", "occupied", "frontier", "trail")
 
 LAYOUT_CHANNELS = ("predicted_room", "predicted_wall", "closed_room")
 """255 where a pixel holds unknown cells of a predicted room, of its outline, or of a room that is closed."""
+
+Length = TypeVar("Length", float, Floats)
+"""A number, or an array float64 (n,)."""
 
 FRONTIER, TRAIL, ROOM, WALL, CLOSED = 1, 2, 4, 8, 16
 """Bits of a mark: the channels from "frontier" on, in this order."""
@@ -64,6 +67,15 @@ NOWHERE = MapFrame(0.0, 0.0, 1.0)
 """The frame of an image that is not drawn."""
 
 
+def place_on(grid: OccupancyGrid, x: Length, y: Length) -> tuple[Length, Length]:
+    """Where world points lie on a grid, which may be turned: (row, col) in cells, with fractions."""
+    dx, dy = x - grid.origin.x, y - grid.origin.y
+    if grid.origin.theta:
+        c, s = math.cos(grid.origin.theta), math.sin(grid.origin.theta)
+        dx, dy = c * dx + s * dy, c * dy - s * dx
+    return dy / grid.resolution, dx / grid.resolution
+
+
 @checks_making
 class Trail:
     """Where the robot believes it has been, as a mark in each cell that it passed.
@@ -81,8 +93,7 @@ class Trail:
 
     def extend(self, track: Floats) -> None:
         """Mark the cells along believed poses float64 (n, 3), the first one of which is marked already."""
-        origin, resolution = self._grid.origin, self._grid.resolution
-        _mark_lines(self.marks, (track[:, 1] - origin.y) / resolution, (track[:, 0] - origin.x) / resolution)
+        _mark_lines(self.marks, *place_on(self._grid, track[:, 0], track[:, 1]))
 
 
 def draw_local_map(
@@ -111,9 +122,10 @@ def draw_local_map(
     """
     image = np.zeros((channels, size, size), np.uint8)
     pixel = span / size / grid.resolution
-    row, col = (pose.y - grid.origin.y) / grid.resolution, (pose.x - grid.origin.x) / grid.resolution
+    row, col = place_on(grid, pose.x, pose.y)
+    heading = pose.theta - grid.origin.theta
     samples = max(1, math.ceil(pixel - 1e-9))
-    view = _View(row, col, math.cos(pose.theta), math.sin(pose.theta), pixel, samples)
+    view = _View(row, col, math.cos(heading), math.sin(heading), pixel, samples)
     _draw_local(grid.cells, marks, view, detect, image)
     return image
 
@@ -121,7 +133,7 @@ def draw_local_map(
 def draw_global_map(
     grid: OccupancyGrid, marks: Bytes, *, size: int, min_span: float, channels: int
 ) -> tuple[Bytes, MapFrame]:
-    """All that is known, north up: the square around the known cells, so that the image tells nothing else.
+    """All that is known, the grid's north up: the square around the known cells; it tells nothing else.
 
     Args:
         grid: What the robot knows.

@@ -340,13 +340,14 @@ def encode_robot(decision: Decision, config: ObservationConfig, frame: MapFrame)
     map_x = map_y = span = 0.0
     if config.global_map:
         cells = frame.cells_per_pixel * config.global_size
-        map_x = ((pose.x - grid.origin.x) / grid.resolution - frame.col) / cells
-        map_y = ((pose.y - grid.origin.y) / grid.resolution - frame.row) / cells
+        row, col = map_images.place_on(grid, pose.x, pose.y)
+        map_x, map_y = (col - frame.col) / cells, (row - frame.row) / cells
         span = cells * grid.resolution / config.length_scale
+    heading = pose.theta - grid.origin.theta  # that of the global map
     expected = sum(decision.table.expected_area.tolist())
     values = (
-        math.cos(pose.theta),
-        math.sin(pose.theta),
+        math.cos(heading),
+        math.sin(heading),
         decision.distance / config.length_scale,
         grid.free_area / config.area_scale,
         len(decision.frontiers) / config.max_frontiers,

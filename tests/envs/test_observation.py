@@ -34,6 +34,7 @@ from layoutexplore.frontiers.decision import Decision
 from layoutexplore.frontiers.tour_features import tour_features
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, Pose
 from layoutexplore.maps.floorplan import FloorPlan
+from layoutexplore.predictors.robot_map import RobotMap
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 from tests.plans import offices
@@ -341,3 +342,25 @@ def test_observation_options_are_checked(options: dict[str, Any]) -> None:
 def test_motion_options_are_checked(options: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match=next(iter(options))):
         MotionConfig(**options)
+
+
+@pytest.mark.parametrize("yaw", [0.7, -2.0, math.pi / 2])
+def test_a_turned_map_is_shown_as_it_would_be_upright(yaw: float) -> None:
+    """That of a robot of one's own: where its origin has a yaw, robot and trail were drawn elsewhere."""
+    grid = offices().rasterize(0.1).grid
+    cells = grid.cells.copy()
+    cells[:, cells.shape[1] // 2 :] = UNKNOWN
+    free = np.argwhere(cells == FREE)
+    shown = []
+    for angle in (0.0, yaw):
+        turned = OccupancyGrid(cells, 0.1, Pose(30.0, -20.0, angle))
+        robot_map, observer = RobotMap("none", clean=False), Observer(ObservationConfig())
+        for row, col in free[[len(free) // 3, len(free) // 2]].tolist():
+            x, y = turned.cell_to_world(row, col)
+            decision = robot_map.decide(turned, Pose(x, y, 0.4 + angle))
+            observation = observer.observe(decision)
+        shown.append(observation)
+    assert shown[0]["local_map"][CHANNELS.index("trail")].any()
+    for name, upright in shown[0].items():
+        # A corner of the trail on a border of cells may be rounded to either side.
+        assert (np.abs(shown[1][name].astype(float) - upright.astype(float)) > 1e-4).mean() < 1e-3, name
