@@ -31,9 +31,22 @@ GROUPS = (
 MEANT = {"--config": ".toml", "--plans": "", "--agent": ""}
 """Options by which a word too many may be meant if it ends so: the first one that the command has."""
 
+QUOTED = 'corners stand in one pair of quotes: --region "0,0 12,0 12,9"'
+"""What is said of a corner that stands alone."""
+
 
 class Commands(TyperGroup):
-    """All commands; of a word too many it is said by which option it may be meant."""
+    """All commands; of a word too many it is said by which option it may be meant.
+
+    An option of one value may be given again, as in other programs: that the last one counts is said.
+    """
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Take the command line apart, whole as it is here."""
+        if not ctx.resilient_parsing:
+            for option in _given_again(self, args):
+                typer.echo(f"layoutexplore: warning: {option} takes one value: the last one counts", err=True)
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command that was named."""
@@ -44,9 +57,30 @@ class Commands(TyperGroup):
             if context and (surplus := re.match(r"Got unexpected extra argument\S* \((\S+?)[ )]", told)):
                 word = surplus[1]
                 known = {name for option in context.command.params for name in option.opts}
-                meant = [name for name, end in MEANT.items() if name in known and word.endswith(end)]
-                vars(error)["message"] = told + "".join(f": perhaps {name} {word}" for name in meant[:1])
+                meant = [
+                    f"perhaps {name} {word}"
+                    for name, end in MEANT.items()
+                    if name in known and word.endswith(end)
+                ]
+                if "--region" in known and re.fullmatch(r"[\d.]+,[-\d.]+", word):
+                    meant = [QUOTED]
+                vars(error)["message"] = ": ".join([told, *meant[:1]])
             raise
+
+
+def _given_again(command: Any, words: list[str]) -> list[str]:
+    """The options of the command that words name that take one value, and are given more."""
+    while words and (inner := getattr(command, "commands", {}).get(words[0])):
+        command, words = inner, words[1:]
+    if "--" in words:
+        words = words[: words.index("--")]
+    given = [word.partition("=")[0] for word in words]
+    single = [
+        option
+        for option in command.params
+        if option.param_type_name == "option" and not (option.multiple or option.is_flag or option.count)
+    ]
+    return [option.opts[0] for option in single if sum(map(given.count, option.opts)) > 1]
 
 
 app = typer.Typer(

@@ -71,8 +71,11 @@ def read_region(text: str) -> Region:
         corners = [tuple(float(part) for part in corner.split(",")) for corner in text.split()]
     except ValueError:
         corners = []
-    if not corners:
-        raise ConfigError(f"a region is corners X,Y X,Y X,Y in metres or GeoJSON, got {shortened(text)}")
+    if len(corners) < 3:
+        raise ConfigError(
+            "a region is a GeoJSON file, or three corners X,Y in metres or more in one text, as "
+            f'"0,0 4,0 4,3", got {shortened(text)}'
+        )
     region = check_region(corners)
     assert region is not None
     return region

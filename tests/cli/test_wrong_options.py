@@ -34,6 +34,7 @@ WRONG: dict[str, str] = {
     "layout {file} --jobs 9999": "--jobs must be a whole number from 1 to 1024",
     "speed --only import --json folder": "is a folder: --json must name a file",
     "speed --only ryas": "did you mean 'rays'",
+    "explore apartment-01 --region 0,0": 'three corners X,Y in metres or more in one text, as "0,0 4,0 4,3"',
     "explore apartment-01 --continue nowhere.npz": "there is no such file",
 }
 
@@ -70,6 +71,7 @@ def test_a_plan_to_train_on_is_read_before_training_begins(
         ("benchmark study.toml", "--config study.toml"),
         ("benchmark office-01 office-02", "--plans office-01"),
         ("explore office-01 layout-tour", "--agent layout-tour"),
+        ("explore office-01 --region 0,0 12,0 12,9", '--region "0,0 12,0 12,9"'),
         ("maps list office-01", ""),
     ],
 )
@@ -79,4 +81,27 @@ def test_a_word_too_many_is_told_with_its_option(
     assert run(monkeypatch, *words.split()) == 2
     told = " ".join(capsys.readouterr().err.replace("│", "").split())
     assert "Got unexpected extra argument" in told
-    assert ("perhaps" in told) == bool(option) and option in told
+    assert ("perhaps" in told or "quotes" in told) == bool(option) and option in told
+
+
+@pytest.mark.parametrize(
+    ("words", "again"),
+    [
+        ("explore {nowhere} --sensor stage --sensor=indoor", "--sensor"),
+        ("maps show {nowhere} --out a.png --out b.png", "--out"),
+        ("explore {nowhere} --sensor stage --seed 1", ""),
+        ("benchmark --plans {nowhere} --sensor stage --sensor indoor", ""),
+    ],
+)
+def test_an_option_of_one_value_that_is_given_twice_is_told(
+    words: str,
+    again: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(monkeypatch, *words.format(nowhere="nowhere.png").split()) == 2
+    told = capsys.readouterr().err
+    assert (f"warning: {again} takes one value: the last one counts" in told) == bool(again), told
+    assert ("takes one value" in told) == bool(again), told
