@@ -245,7 +245,7 @@ def _from_outside() -> bool:
 def _explain(
     error: Exception, function: Callable[..., Any], args: Any, kwargs: dict[str, Any], outside: bool
 ) -> None:
-    """Raise an error that names the argument which explains this one, if one does, or the Ctrl-C behind."""
+    """Raise an error naming the argument that explains this one (last a float: inf), or the Ctrl-C behind."""
     behind: BaseException | None = error
     while isinstance(behind, SystemError):  # Numba's: Ctrl-C came as a kernel handed out its results
         behind = behind.__cause__
@@ -254,7 +254,7 @@ def _explain(
     if isinstance(error, LayoutExploreError):
         return
     given = _given(function, args, kwargs)
-    for name, (value, meant, annotation) in given.items():
+    for name, (value, meant, annotation) in sorted(given.items(), key=lambda g: isinstance(g[1][0], float)):
         unlike = getattr(error, "obj", None) is value and type(value).__name__ not in annotation
         if unlike or not _can_be(value, meant):
             told = f"{function.__qualname__}: {name} must be {annotation}, got {_shown(value)}"
@@ -382,7 +382,8 @@ def _fits(value: Any, meant: Any) -> bool:
     if parts and base in (Iterable, Sequence) and isinstance(value, (str, bytes)):
         return parts[0] in (str, Any) and isinstance(value, str)
     if parts and base is Mapping and isinstance(value, Mapping):
-        return all(_fits(key, parts[0]) and _fits(item, parts[1]) for key, item in value.items())
+        flat = {k: np.atleast_1d(v) if isinstance(v, np.ndarray) else v for k, v in value.items()}
+        return all(_fits(key, parts[0]) and _fits(item, parts[1]) for key, item in flat.items())
     if parts and base in (Iterable, Sequence, list) and isinstance(value, Collection):
         return isinstance(value, base) and all(_fits(item, parts[0]) for item in islice(value, 1000))
     return isinstance(value, base)

@@ -9,7 +9,7 @@ import numpy as np
 from layoutexplore.agents.rl.card import PolicySpec
 from layoutexplore.agents.watchful_tour import WatchfulTourOptions, plan_watchful_tour
 from layoutexplore.envs.observation import FRONTIER_FEATURES, ObservationConfig, encode_frontiers
-from layoutexplore.errors import ConfigError, ResultsError, checks_calls, checks_making
+from layoutexplore.errors import ConfigError, ResultsError, checks_calls, checks_making, shortened
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
 from layoutexplore.frontiers.table import Frontier, FrontierList
 from layoutexplore.grids.arrays import Floats32
@@ -103,16 +103,27 @@ class LinearPolicy(PolicyAgent):
 
     Args:
         name: What it is called in results.
-        weights: "direct.weight" float32 (1, features), and "tour_weight", of 1 / the place in the tour.
+        weights: "direct.weight" float32 (1, features), and "tour_weight", of 1 / the place in the tour: one
+            number, which may be left out where the spec does not read it.
         spec: What it reads.
         fingerprint: Of its file, if there is one.
+
+    Raises:
+        ConfigError: A weight is missing, has another shape or is none of numbers.
     """
 
     def __init__(
         self, name: str, weights: Mapping[str, Floats32], spec: PolicySpec, fingerprint: str = ""
     ) -> None:
         super().__init__(name, spec, fingerprint)
+        check_kind("weights", weights, Mapping)
+        _check_weights(weights, self._shapes(spec), spec)
         self._weights = weights
+
+    @staticmethod
+    def _shapes(spec: PolicySpec) -> dict[str, tuple[int, ...]]:
+        """The names and shapes of its weights."""
+        return linear_shapes(spec)
 
     def logits(self, decision: Decision) -> Floats32:
         """float32 (n,): a logit for each of the decision's frontiers."""
@@ -137,3 +148,19 @@ class LinearPolicy(PolicyAgent):
 def linear_shapes(spec: PolicySpec) -> dict[str, tuple[int, ...]]:
     """The names and shapes of the weights that such a policy needs."""
     return {"direct.weight": (1, len(spec.frontier_features)), "tour_weight": ()}
+
+
+def _check_weights(
+    weights: Mapping[str, Floats32], shapes: dict[str, tuple[int, ...]], spec: PolicySpec
+) -> None:
+    """Raise `ConfigError` unless the weights have these names and shapes, as the spec reads them."""
+    for name, shape in shapes.items():
+        if name not in weights:
+            if name == "tour_weight" and spec.rank_column is None:
+                continue
+            raise ConfigError(f"weights must have {name!r} of the shape {shape}, as the spec reads it")
+        array = np.asarray(weights[name])
+        if array.dtype.kind not in "biuf":
+            raise ConfigError(f"weights: {name!r} must be numbers, got {shortened(weights[name])}")
+        if array.shape != shape and not (shape == () and array.size == 1):
+            raise ConfigError(f"weights: {name!r} must have the shape {shape}, got {array.shape}")

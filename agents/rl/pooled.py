@@ -27,6 +27,9 @@ class PooledPolicy(LinearPolicy):
         weights: float32, by the names and shapes of `pooled_shapes`.
         spec: What it reads; no map.
         fingerprint: Of its file, if there is one.
+
+    Raises:
+        ConfigError: A weight is missing, has another shape or is none of numbers.
     """
 
     def __init__(
@@ -34,6 +37,11 @@ class PooledPolicy(LinearPolicy):
     ) -> None:
         super().__init__(name, weights, spec, fingerprint)
         self._robot = spec.robot_columns
+
+    @staticmethod
+    def _shapes(spec: PolicySpec) -> dict[str, tuple[int, ...]]:
+        """The names and shapes of its weights."""
+        return pooled_shapes(spec)
 
     def logits(self, decision: Decision) -> Floats32:
         """float32 (n,): a logit for each of the decision's frontiers."""

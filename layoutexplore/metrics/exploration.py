@@ -150,8 +150,8 @@ def mean_coverage(distance: ArrayLike, coverage: ArrayLike, horizon: float) -> f
         0.75
     """
     metres, share = _checked(distance, coverage)
-    if not horizon > 0:
-        raise ConfigError(f"the horizon of the mean coverage must be above 0 m, got {horizon}")
+    if not 0 < horizon < np.inf:
+        raise ConfigError(f"the horizon of the mean coverage must be a length above 0 m, got {horizon}")
     inside = metres <= horizon
     x = np.concatenate([metres[inside], [horizon]])
     y = np.concatenate([share[inside], [np.interp(horizon, metres, share)]])

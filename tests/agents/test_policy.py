@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,10 +17,11 @@ import safetensors.numpy
 from layoutexplore.agents import make_agent
 from layoutexplore.agents.policy import load_policy
 from layoutexplore.agents.rl.card import WEIGHTS, find_policy, read_card, read_spec
-from layoutexplore.agents.rl.linear import LinearPolicy, PolicyAgent
+from layoutexplore.agents.rl.linear import LinearPolicy, PolicyAgent, linear_shapes
+from layoutexplore.agents.rl.pooled import PooledPolicy, pooled_shapes
 from layoutexplore.agents.watchful_tour import WatchfulTourOptions, plan_watchful_tour
 from layoutexplore.benchmark.rows import prepare
-from layoutexplore.errors import ResultsError
+from layoutexplore.errors import ConfigError, ResultsError, checks_arguments
 from layoutexplore.files import parse_toml, to_toml
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.grids.arrays import Floats32
@@ -104,6 +107,37 @@ def test_weights_of_another_card(tmp_path: Path, name: str) -> None:
     safetensors.numpy.save_file(weights, path, metadata={"card": to_toml(card)})
     with pytest.raises(ResultsError, match=r"direct.weight has the shape \(1, \d+\), expected \(1, 2\)"):
         load_policy("mine", str(path))
+
+
+@pytest.mark.parametrize(
+    ("kind", "shapes_of", "name"),
+    [(LinearPolicy, linear_shapes, "tour"), (PooledPolicy, pooled_shapes, "layout")],
+)
+def test_weights_that_do_not_fit_are_told_when_a_policy_is_made(kind: Any, shapes_of: Any, name: str) -> None:
+    spec = read_spec(find_policy(name))
+    shapes = shapes_of(spec)
+    weights = {key: np.zeros(shape, np.float32) for key, shape in shapes.items()}
+    assert kind("mine", weights, spec).name == "mine"
+    for key, shape in shapes.items():
+        for wrong in (np.zeros((2, 3, 4), np.float32), np.full(shape, "x"), np.zeros((), np.float32)):
+            if wrong.shape != shape or wrong.dtype.kind == "U":
+                with pytest.raises(ConfigError, match=f"weights: '{key}' must"):
+                    kind("mine", {**weights, key: wrong}, spec)
+        with pytest.raises(ConfigError, match=f"weights must have '{key}'"):
+            kind("mine", {one: weights[one] for one in weights if one != key}, spec)
+    with pytest.raises(ConfigError, match="weights must be a Mapping"):
+        kind("mine", list(weights), spec)
+    for alone in (np.float32(1.0), np.ones(1, np.float32)):
+        assert kind("mine", {**weights, "tour_weight": alone}, spec)
+
+
+def test_weights_without_dimensions_are_not_blamed_for_something_else() -> None:
+    @checks_arguments
+    def scale(weights: Mapping[str, Floats32], by: float) -> Any:
+        return weights["one"] * by.real.conjugate(0)  # type: ignore[call-arg]
+
+    with pytest.raises(TypeError):
+        scale({"one": np.ones((), np.float32)}, 1.0)
 
 
 def test_the_name_and_predictor_of_what_ships() -> None:

@@ -93,8 +93,9 @@ def test_broken_curves(distance: list[float], coverage: list[float]) -> None:
 
 
 def test_broken_arguments() -> None:
-    with pytest.raises(ConfigError, match="horizon"):
-        mean_coverage([0, 1], [0, 1], 0)
+    for horizon in (0, math.inf, math.nan):
+        with pytest.raises(ConfigError, match="horizon"):
+            mean_coverage([0, 1], [0, 1], horizon)
     with pytest.raises(ConfigError, match="rows of"):
         score_curve([1.0, 2.0], budget=1, target_area=1)
 

@@ -151,3 +151,8 @@ def test_what_lies_in_no_room_is_never_taken_for_a_room() -> None:
         flipped.append(predictor._flipped)
     flips = np.array(flipped)
     assert flips.any() and not flips[:, 0].any()
+
+
+def test_infinity_is_not_blamed_for_what_is_no_number() -> None:
+    with pytest.raises(ConfigError, match="wrong must be float, got None"):
+        OraclePredictor(horizon=math.inf, within=math.inf, wrong=None)  # type: ignore[arg-type]
