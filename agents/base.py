@@ -58,6 +58,18 @@ class Heuristic(Generic[OptionsT]):
         return f"<{type(self).__name__} {self.name}>"
 
 
+def settle_predictor(options: Any) -> None:
+    """Write the predictor among an agent's options as `predictor_inside` does; the default stays as it is.
+
+    Args:
+        options: Have a `predictor`; called as they are made.
+    """
+    if "=" in options.predictor and options.predictor != type(options).predictor:
+        from layoutexplore.predictors import predictor_inside  # loads all of them, and few agents name one
+
+        object.__setattr__(options, "predictor", predictor_inside(options.predictor))
+
+
 def _accept(name: str, made: Any) -> Agent:
     """A user's own agent, with a name where it has none.
 

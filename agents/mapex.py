@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from layoutexplore.agents.base import register
+from layoutexplore.agents.base import register, settle_predictor
 from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
 from layoutexplore.errors import ConfigError, MapError
 from layoutexplore.frontiers.table import Frontier
@@ -45,6 +45,11 @@ class ProbabilisticOptions(GreedyOptions):
         0.0, "1/m: gain x exp(-rate x path length); 0: gain / path length, as in MapEx", low=0.0
     )
     predictor: str = option("layout", "where probabilities come from")
+
+    def __post_init__(self) -> None:
+        """What means the same predictor has one name."""
+        super().__post_init__()
+        settle_predictor(self)
 
 
 class ProbabilisticGain(Greedy[ProbabilisticOptions]):

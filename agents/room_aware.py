@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TypeVar
 
-from layoutexplore.agents.base import register
+from layoutexplore.agents.base import register, settle_predictor
 from layoutexplore.agents.greedy import Candidates, Greedy, GreedyOptions, Scores, faded
 from layoutexplore.agents.tour import plan_latency_tour
 from layoutexplore.frontiers.decision import STOP, Choice, Decision
@@ -35,6 +35,11 @@ class LayoutOptions(GreedyOptions):
     )
     stop_known: float = option(BEGUN, "square metres; and when so much floor is known", low=0.0)
     predictor: str = option("layout", "where classes and areas come from")
+
+    def __post_init__(self) -> None:
+        """What means the same predictor has one name."""
+        super().__post_init__()
+        settle_predictor(self)
 
 
 @dataclass(frozen=True, kw_only=True)

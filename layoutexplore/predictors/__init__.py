@@ -15,13 +15,14 @@ foresees unseen rooms by it; `prior:rough` and the like make such a plan from th
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from layoutexplore.errors import ConfigError, shortened
+from layoutexplore.errors import ConfigError, LayoutExploreError, checks_arguments, shortened
 from layoutexplore.frontiers.decision import Predictor
-from layoutexplore.options import Options, option
+from layoutexplore.options import Options, format_spec, format_value, option
 from layoutexplore.plugins.registry import Registry
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.oracle import FALSE_CLOSED_AREA, OraclePredictor
@@ -45,6 +46,7 @@ __all__ = [
     "RoomPredictor",
     "make_predictor",
     "make_room_predictor",
+    "predictor_inside",
     "predictor_names",
     "register_predictor",
     "with_classes",
@@ -59,6 +61,13 @@ class OracleOptions(Options):
     horizon: str = option("0", "doors beyond what is seen up to which the plan is foreseen: 0, 1, ... or inf")
     within: str = option("inf", "metres beyond known floor up to which it is foreseen, or inf")
     wrong: float = option(0.0, "share of what is foreseen that is the contrary", low=0.0, high=1.0)
+
+    def __post_init__(self) -> None:
+        """Numbers that may be infinite are texts: equal ones become one text."""
+        super().__post_init__()
+        for name in ("horizon", "within"):
+            with suppress(ValueError):  # what is no number is told when the predictor is made
+                object.__setattr__(self, name, format_value(float(getattr(self, name))))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,6 +197,33 @@ def register_predictor(name: str, doc: str, build: Callable[..., Any], options: 
 def predictor_names() -> list[str]:
     """The names that `make_predictor` knows."""
     return PREDICTORS.names()
+
+
+@checks_arguments
+def predictor_inside(text: str) -> str:
+    """A predictor's name as it stands inside an agent's: what means the same has one name.
+
+    Numbers are written in one way, options stand in their order behind semicolons, and those of their
+    default are left out. Names without options, of prior plans and of code in files of one's own stay as
+    they are, and so does what cannot be read: that is told when the predictor is made.
+
+    Args:
+        text: The name that was given.
+
+    Example:
+        >>> predictor_inside("oracle:horizon=1;flip=0.10"), predictor_inside("layout:network=on")
+        ('oracle:flip=0.1;horizon=1', 'layout')
+    """
+    name = text.partition(":")[0]
+    if "=" not in text or name == "prior" or name not in predictor_names():
+        return text
+    try:
+        entry, options = PREDICTORS.find(text)
+        if isinstance(options, ReconstructOptions):
+            return predictor_of_method(options.method).name
+    except LayoutExploreError:
+        return text
+    return format_spec(entry.name, options, entry.options).replace(",", ";")
 
 
 def make_predictor(spec: object) -> Predictor | None:

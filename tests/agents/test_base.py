@@ -17,6 +17,36 @@ from layoutexplore.frontiers.decision import STOP, Decision
 from layoutexplore.predictors import learned, make_predictor
 from tests.agents.cases import decide
 
+AHEAD = "plan-tour:predictor=oracle:horizon=inf"
+
+KEPT = tuple(
+    f"layout-tour:predictor={predictor}"
+    for predictor in (
+        *(
+            "none",
+            "oracle",
+            "oracle:horizon=2",
+            "oracle:flip=0.123456789",
+            "oracle:horizon=x",
+            "oracle:flop=1",
+        ),
+        *(
+            "prior:true",
+            "prior:rough",
+            "prior:plan.png;scale=0.020",
+            "prior:other-floor;among=explored;sure=0.50",
+        ),
+        *("reconstruct:rose2", "reconstruct:rose2;growth=0.3", "reconstruct:ias15;growth=0;sigma=0.2"),
+        *(
+            "reconstruct:mine.py:eroded;depth=0.40",
+            "mine.py:Rooms:depth=0.40",
+            "learned:rooms=rose2",
+            "nonsense:a=1.0",
+        ),
+    )
+)
+"""Names under which results may be kept: they stay byte for byte what they are."""
+
 
 @pytest.mark.parametrize(
     ("spec", "name"),
@@ -26,6 +56,21 @@ from tests.agents.cases import decide
         ("nearest:distance=straight,min_size=0.5", "nearest:min_size=0.5,distance=straight"),
         ("cost-utility-0.9:alpha=0.9", "cost-utility-0.9"),
         ("clairvoyant:rounds=3", "clairvoyant:rounds=3"),
+        ("layout-tour:predictor=oracle:flip=0.10", "layout-tour:predictor=oracle:flip=0.1"),
+        ("mapex-gain:predictor=oracle:wrong=0;horizon=1.0", "mapex-gain:predictor=oracle:horizon=1"),
+        ("plan-tour:predictor=oracle:within=2;flip=0;horizon=Infinity", f"{AHEAD};within=2"),
+        (f"{AHEAD};within=2;wrong=0.1", f"{AHEAD};within=2;wrong=0.1"),
+        ("layout-tour:predictor=layout:network=on", "layout-tour"),
+        (
+            "layout-tour:predictor=layout:network=off;model=a b/c",
+            "layout-tour:predictor=layout:model=a b/c;network=off",
+        ),
+        (
+            "layout-tour:predictor=reconstruct:rose2;growth=0.30",
+            "layout-tour:predictor=reconstruct:rose2;growth=0.3",
+        ),
+        ("aamas-2021:predictor=reconstruct:ias15;growth=0.0", "aamas-2021"),
+        *((name, name) for name in KEPT),
     ],
 )
 def test_specs_have_a_canonical_name(spec: str, name: str) -> None:
