@@ -150,6 +150,8 @@ def expected_new_area(
         np.asarray(leads_on, np.float64),
     )
     area = np.zeros(len(points), np.float64)
+    # Of numbers of NumPy's, the kernel would be compiled once more, and count with the digits that they have.
+    resolution, reach, fade = float(resolution), float(reach), float(fade)
     _expect(view, ray_table(int(rays), reach / resolution), reach / resolution, fade / resolution, area)
     return area * (math.pi / rays * resolution**2)
 

@@ -52,7 +52,8 @@ def visible_unknown_area(
     points = np.ascontiguousarray(np.asarray(viewpoints).reshape(-1, 2), np.int32)
     if points.size and ((points < 0).any() or (points >= cells.shape).any()):
         raise ConfigError(f"a viewpoint lies outside of the grid of shape {cells.shape}")
-    view = VisibleUnknownArea(cells.shape, resolution, range_max, rays)
+    # Of numbers of NumPy's, the kernel would be compiled once more, and count with the digits that they have.
+    view = VisibleUnknownArea(cells.shape, float(resolution), float(range_max), rays)
     return view.areas(cells, points, (0, 0, 0, 0))
 
 

@@ -128,3 +128,11 @@ def test_it_explores_and_does_without_a_layout() -> None:
     assert chosen.act(without_layout(decision)) == make_agent("gain-over-distance").act(decision)
     assert all(0 <= probability_open(f) <= 1 for f in decision.frontiers)
     assert all(probability_open(f) == 0.5 for f in without_layout(decision).frontiers)
+
+
+def test_numbers_of_numpy_are_counted_with_all_digits() -> None:
+    cells, inside = np.full((81, 81), -1, np.int8), np.full((81, 81), 0.7, np.float32)
+    given = cells, inside, np.array([[40, 40]], np.int32), np.full(1, 0.9)
+    numbers = {"resolution": np.float32(0.1), "reach": np.float32(2.3), "fade": np.float32(1.3)}
+    plain = {name: float(number) for name, number in numbers.items()}
+    assert expected_new_area(*given, **numbers)[0] == expected_new_area(*given, **plain)[0]

@@ -175,3 +175,14 @@ def test_chosen_cells_are_those_of_each_cluster(seed: int) -> None:
     found = clusters.chosen(kept)
     assert [found.cluster(k).tolist() for k in range(len(found))] == expected
     assert found.cells.dtype == np.int32 and found.offsets.dtype == np.int64 and found.offsets[0] == 0
+
+
+def test_numbers_of_numpy_are_counted_with_all_digits() -> None:
+    cells, middle = np.full((81, 81), -1, np.int8), np.array([[40, 40]], np.int32)
+    for resolution, reach in (
+        (0.1, np.float32(2.3)),
+        (np.float32(0.1), 2.3),
+        (np.float32(0.1), np.float32(2.3)),
+    ):
+        plain = visible_unknown_area(cells, middle, float(resolution), float(reach))
+        assert visible_unknown_area(cells, middle, resolution, reach)[0] == plain[0]
