@@ -80,9 +80,9 @@ def classify_frontiers(
     depth = in_cells(DEPTH, resolution)
     total, seen = _count_rooms(cells, room_ids, passable)
     component, components = label_components((cells == UNKNOWN) & passable)
-    by_room = _count_components(component, components, room_ids, len(total))
+    starts, ids, counts = _count_components(component, components, room_ids, len(total))
     room = _rooms_behind(cells, members, offsets, room_ids, passable, depth, len(total))
-    other, beyond = _reached(component, members, offsets, by_room, room)
+    other, beyond = _reached(component, members, offsets, starts, ids, counts, room, len(total))
     cell_area = resolution**2
     share = np.where(total[room] > 0, seen[room] / np.maximum(total[room], 1), 1.0)
     share[room == 0] = 1.0
@@ -128,9 +128,19 @@ def _unknown_at(cells: Cells, passable: Mask, r: int, c: int) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def _count_components(component: Ints32, components: int, room_ids: Labels, rooms: int) -> Ints:
-    """int64 (components + 1, rooms): cells of each component in each room."""
-    by_room = np.zeros((components + 1, rooms), np.int64)
+def _count_components(
+    component: Ints32, components: int, room_ids: Labels, rooms: int
+) -> tuple[Ints, Ints32, Ints32]:
+    """Cells of each component in each of its rooms.
+
+    Returns:
+        starts int64 (components + 2,), and int32 (n,) ids of rooms and counts: component i has those from
+        `starts[i]` up to, but without, `starts[i + 1]`, each room once.
+    """
+    # A component lies in few rooms: a table of all by all would take hundreds of megabytes.
+    runs = np.empty((component.size, 3), np.int32)
+    count = 0
+    starts = np.zeros(components + 2, np.int64)
     for r in range(component.shape[0]):
         first = ZERO
         while first < component.shape[1]:
@@ -139,10 +149,31 @@ def _count_components(component: Ints32, components: int, room_ids: Labels, room
             while part and first < last:
                 room = room_ids[r, first]
                 behind = min(run_end(room_ids[r], first, room), last)
-                by_room[part, room] += behind - first
+                runs[count, 0], runs[count, 1], runs[count, 2] = part, room, behind - first
+                count += 1
+                starts[part + 1] += 1
                 first = behind
             first = last
-    return by_room
+    starts = np.cumsum(starts)
+    ids, counts = np.empty(count, np.int32), np.empty(count, np.int32)
+    place = starts.copy()
+    for k in range(count):
+        at = place[runs[k, 0]]
+        ids[at], counts[at] = runs[k, 1], runs[k, 2]
+        place[runs[k, 0]] += 1
+    # Runs in one room become one: `entry` is where a room stands, from `begin` on if in this component.
+    entry, end = np.full(rooms, -1, np.int64), 0
+    for k in range(components + 1):
+        begin = end
+        for n in range(starts[k], starts[k + 1]):
+            inside, length = ids[n], counts[n]
+            if entry[inside] < begin:
+                entry[inside], ids[end], counts[end] = end, inside, 0
+                end += 1
+            counts[entry[inside]] += length
+        starts[k] = begin
+    starts[components + 1] = end
+    return starts, ids[:end], counts[:end]
 
 
 @njit(cache=True, nogil=True)
@@ -185,21 +216,30 @@ def _rooms_behind(
 
 @njit(cache=True, nogil=True)
 def _reached(
-    component: Ints32, members: Ints32, offsets: Ints, by_room: Ints, room: Ints32
+    component: Ints32,
+    members: Ints32,
+    offsets: Ints,
+    starts: Ints,
+    ids: Ints32,
+    counts: Ints32,
+    room: Ints32,
+    rooms: int,
 ) -> tuple[Ints, Ints]:
     """Per frontier the unknown cells it reaches: the most in any one other room, and all together."""
     # Components are counted as a whole: what borders the frontier is reached to its end.
-    rows, cols = component.shape
+    height, width = component.shape
     other, beyond = np.zeros(len(room), np.int64), np.zeros(len(room), np.int64)
-    stamp = np.zeros(len(by_room), np.int32)
+    stamp = np.zeros(len(starts) - 1, np.int32)
     for k in range(len(room)):
-        reached = np.zeros(by_room.shape[1], np.int64)
+        reached = np.zeros(rooms, np.int64)
         for n in range(offsets[k], offsets[k + 1]):
             for step in range(4):
                 r, c = members[n, 0] + (step == 0) - (step == 1), members[n, 1] + (step == 2) - (step == 3)
-                if 0 <= r < rows and 0 <= c < cols and component[r, c] and stamp[component[r, c]] != k + 1:
-                    stamp[component[r, c]] = k + 1
-                    reached += by_room[component[r, c]]
+                part = component[r, c] if 0 <= r < height and 0 <= c < width else np.int32(0)
+                if part and stamp[part] != k + 1:
+                    stamp[part] = k + 1
+                    for entry in range(starts[part], starts[part + 1]):
+                        reached[ids[entry]] += counts[entry]
         beyond[k] = reached.sum()
         reached[0] = 0
         reached[room[k]] = 0
