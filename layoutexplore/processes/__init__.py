@@ -203,8 +203,7 @@ def end_at_once() -> NoReturn:
     """End this process and all that it has started, with the status that a shell gives to its signal."""
     # The one that is told of names that are no longer taken is started anew where it has ended.
     tracker = getattr(vars(resource_tracker).get("_resource_tracker"), "_pid", None)
-    found = _stopped_descendants()
-    _kill(found - {tracker})
+    _kill(_stopped_descendants() - {tracker})
     with contextlib.suppress(Exception):
         sys.stdout.flush()
         sys.stderr.flush()
@@ -212,7 +211,7 @@ def end_at_once() -> NoReturn:
     with contextlib.suppress(RuntimeError):  # no thread can be started any more
         cleaning.start()
         cleaning.join(_CLEANING)
-    _kill(found & {tracker})
+    _kill(descendants(os.getpid()))
     os._exit(128 + asked_to_stop())
 
 
@@ -231,7 +230,7 @@ def _stopped_descendants() -> set[int]:
     found: set[int] = set()
     while new := set(descendants(os.getpid())) - found:
         found |= new
-        if not hasattr(signal, "SIGKILL"):  # Windows: nothing stands still there
+        if not hasattr(signal, "SIGSTOP"):
             break
         for process in new:
             with contextlib.suppress(OSError):
