@@ -203,14 +203,15 @@ def make_floats(config: object) -> None:
     Example:
         >>> @dataclasses.dataclass(frozen=True)
         ... class Move:
-        ...     metres: "float"
+        ...     metres: float
         >>> make_floats(move := Move(2))
         >>> move
         Move(metres=2.0)
     """
     for field in dataclasses.fields(config):  # type: ignore[arg-type]
         value = getattr(config, field.name)
-        if str(field.type).startswith("float") and isinstance(value, int):
+        kind = getattr(field.type, "__name__", str(field.type))
+        if kind.startswith("float") and isinstance(value, int):
             object.__setattr__(config, field.name, float(value))
 
 

@@ -12,12 +12,12 @@ import sys
 import threading
 import time
 import types
-from collections.abc import Callable, Iterable, Iterator
-from multiprocessing import resource_tracker, util
+from collections.abc import Iterator
+from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import NoReturn
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -175,79 +175,15 @@ def more_time(seconds: float) -> Iterator[None]:
         _grace[0] = before
 
 
-@contextlib.contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Ctrl-C and SIGTERM that come inside the block are answered at its end: nothing there is left half done.
-
-    It has to be short. In other threads than the main one, which signals do not interrupt, it does nothing.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
-    came: list[tuple[int, FrameType | None]] = []
-    try:
-        for asking in ASKING:
-            if callable(handler := signal.getsignal(asking)):
-                handlers[asking] = handler
-                signal.signal(asking, lambda *what: came.append(what))
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-        for number, frame in came[:1]:
-            handlers[number](number, frame)
-
-
 def end_at_once() -> NoReturn:
     """End this process and all that it has started, with the status that a shell gives to its signal."""
-    # The one that is told of names that are no longer taken is started anew where it has ended.
-    tracker = getattr(vars(resource_tracker).get("_resource_tracker"), "_pid", None)
-    _kill(_stopped_descendants() - {tracker})
+    for process in descendants(os.getpid()):
+        with contextlib.suppress(OSError):
+            os.kill(process, getattr(signal, "SIGKILL", signal.SIGTERM))  # Windows has but one way to end
     with contextlib.suppress(Exception):
         sys.stdout.flush()
         sys.stderr.flush()
-    cleaning = threading.Thread(target=_forget_names, daemon=True)
-    with contextlib.suppress(RuntimeError):  # no thread can be started any more
-        cleaning.start()
-        cleaning.join(_CLEANING)
-    _kill(descendants(os.getpid()))
     os._exit(128 + asked_to_stop())
-
-
-_CLEANING = 0.5
-"""Seconds after which what is left in the system is left there."""
-
-
-def _kill(processes: Iterable[int]) -> None:
-    for process in processes:
-        with contextlib.suppress(OSError):
-            os.kill(process, getattr(signal, "SIGKILL", signal.SIGTERM))  # Windows has but one way to end
-
-
-def _stopped_descendants() -> set[int]:
-    """All that this process has started, and stands still: it starts nothing more meanwhile."""
-    found: set[int] = set()
-    while new := set(descendants(os.getpid())) - found:
-        found |= new
-        if not hasattr(signal, "SIGSTOP"):
-            break
-        for process in new:
-            with contextlib.suppress(OSError):
-                os.kill(process, signal.SIGSTOP)
-    return found
-
-
-def _forget_names() -> None:
-    """Take away what multiprocessing leaves in the system by a name, as at an end that nobody hurries.
-
-    Those are semaphores, and the folder of the socket of what forks workers.
-    """
-    with contextlib.suppress(Exception):
-        for finalizer in list(vars(util)["_finalizer_registry"].values()):
-            if vars(finalizer)["_callback"].__name__ in ("_cleanup", "_remove_temp_dir"):
-                with contextlib.suppress(OSError):
-                    finalizer()
 
 
 def descendants(process: int) -> list[int]:

@@ -6,45 +6,26 @@ and modules the processes of both have, and those of `SubprocVecEnv` and of Pyth
 
 from __future__ import annotations
 
-import contextlib
 import types
 from multiprocessing import context, forkserver, popen_forkserver
 from typing import Any
-
-from layoutexplore.processes import uninterrupted
 
 SERVER: Any = forkserver.ForkServer()
 """What is asked for workers."""
 
 
-_LAUNCH = vars(popen_forkserver.Popen)["_launch"].__code__
-
-
 class _Started(popen_forkserver.Popen):
-    """A process that `SERVER` has forked: begun as others are, where the global name of theirs means ours.
+    """A process that `SERVER` has forked: begun as others are, where the global name of theirs means ours."""
 
-    Ctrl-C waits while the server is told of it: a server, or a worker, that hears but half of what it is told
-    complains of that, and ends.
-    """
-
-    def _launch(self, process: Any) -> None:
-        with contextlib.ExitStack() as telling:
-
-            def connect(files: Any) -> Any:
-                telling.enter_context(uninterrupted())
-                return SERVER.connect_to_new_process(files)
-
-            def hear(server: int) -> Any:
-                telling.close()
-                return forkserver.read_signed(server)
-
-            ours = types.SimpleNamespace(connect_to_new_process=connect, read_signed=hear)
-            try:
-                types.FunctionType(_LAUNCH, vars(popen_forkserver) | {"forkserver": ours})(self, process)
-            except BaseException:
-                # Nobody will know of this worker: it ends when it hears no more of the one that started it.
-                vars(self).get("finalizer", int)()
-                raise
+    _launch = types.FunctionType(
+        vars(popen_forkserver.Popen)["_launch"].__code__,
+        vars(popen_forkserver)
+        | {
+            "forkserver": types.SimpleNamespace(
+                connect_to_new_process=SERVER.connect_to_new_process, read_signed=forkserver.read_signed
+            )
+        },
+    )
 
 
 class ForkedProcess(context.ForkServerProcess):
