@@ -87,6 +87,25 @@ def run_layer(
     return found if name == "judge" else np.maximum(found, 0.0, out=found)
 
 
+def joined_to_larger(small: NDArray[np.float32], larger: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values grown to twice as many rows and columns, and beside them those that are as many.
+
+    Args:
+        small: float32 (rows, cols, channels).
+        larger: float32 (2 rows or one less, 2 cols or one less, other channels).
+
+    Returns:
+        float32, `larger` with the channels of `small` before its own.
+    """
+    rows, cols, kept = larger.shape
+    joined = np.empty((rows, cols, small.shape[2] + kept), np.float32)
+    joined[..., -kept:] = larger
+    for row, col in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        part = joined[row::2, col::2, :-kept]
+        part[:] = small[: part.shape[0], : part.shape[1]]
+    return joined
+
+
 def _convolve_dense(padded: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
     """Stride 1 as nine products: in rows with a common margin a shift is an offset."""
     rows, cols, inputs = padded.shape

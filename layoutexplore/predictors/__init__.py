@@ -5,7 +5,8 @@ with a share of the rooms judged wrongly, for the question how good a prediction
 `oracle:horizon=2` also foresees the true plan up to two doors beyond what is seen, and
 `oracle:horizon=inf,within=2,wrong=0.1` up to 2 m beyond known floor, a tenth of it wrongly. `layout` is the
 one to use, `layout:model=FOLDER` the same with models of one's own, `layout:network=off` the same by trees
-alone, in less time; `learned:rooms=METHOD` lets these models complete the rooms of any layout method, where
+alone, in less time, and `layout:ahead=2` completes the map by 2 m once no open frontier is left, for
+`plan-tour`; `learned:rooms=METHOD` lets these models complete the rooms of any layout method, where
 `layout` has those of `doorways`. `reconstruct:METHOD` completes a method's rooms by lines instead
 (`reconstruct:rose2`, with options `reconstruct:ias15;sigma=0.2`); `rectangle`, `hull`, `parallel-wall` and
 `face-subset` are what the literature offers. `prior:FILE` registers a plan known beforehand with the map and
@@ -24,6 +25,7 @@ from layoutexplore.errors import ConfigError, LayoutExploreError, checks_argumen
 from layoutexplore.frontiers.decision import Predictor
 from layoutexplore.options import Options, format_spec, format_value, option
 from layoutexplore.plugins.registry import Registry
+from layoutexplore.predictors.floor_model.completion import MOST_AHEAD
 from layoutexplore.predictors.learned import LearnedPredictor
 from layoutexplore.predictors.oracle import FALSE_CLOSED_AREA, OraclePredictor
 from layoutexplore.predictors.own_predictor import predictor_of_own_code
@@ -77,6 +79,12 @@ class LearnedOptions(Options):
     model: str = option("", "folder of models of one's own")
     network: str = option("on", "whether the networks have a say", choices=("on", "off"))
     rooms: str = option("doorways", "the layout method whose rooms are completed")
+    ahead: float = option(
+        0.0,
+        "metres beyond known floor that are foreseen once no open frontier is left",
+        low=0.0,
+        high=MOST_AHEAD,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +167,9 @@ def _number(what: str, text: str) -> float:
 def _learned(name: str, options: LearnedOptions) -> LearnedPredictor:
     called = name.partition(":")[0]
     folder = Path(options.model) if options.model else None
-    return LearnedPredictor(folder, network=options.network == "on", rooms=options.rooms, called=called)
+    return LearnedPredictor(
+        folder, network=options.network == "on", rooms=options.rooms, called=called, ahead=options.ahead
+    )
 
 
 def _prior(name: str, options: PriorOptions) -> RoomPredictor:

@@ -7,15 +7,17 @@ frontier is closed and how much is left behind it is estimated by trees on featu
 (`frontier_model.network`). All learn from simulated explorations of floor plans
 (`layoutexplore evaluate train-predictor`); MODEL_CARD.md says what the shipped models learnt from, and how
 right they are on buildings that they never saw. Rooms are completed only when somebody looks at them: a
-strategy that asks for classes does not pay for shapes. All look along rows and columns: a map whose walls run
-otherwise is looked at as it is when turned upright (`predictors.upright`).
+strategy that asks for classes does not pay for shapes. A third network (`floor_model`) may complete the map,
+a few metres beyond known floor, for those who look for what is left at the end. All look along rows and
+columns: a map whose walls run otherwise is looked at as it is when turned upright (`predictors.upright`).
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import os
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -26,17 +28,23 @@ from layoutexplore.files import fingerprint
 from layoutexplore.files.reading import is_there
 from layoutexplore.frontiers.classes import LITTLE_LEFT, FrontierClasses
 from layoutexplore.frontiers.decision import Decision
+from layoutexplore.frontiers.foresight import Foresight
 from layoutexplore.grids.arrays import Floats, Floats32, Ints32
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
+from layoutexplore.layout.alignment import turn_back
 from layoutexplore.layout.doorways import Regions
 from layoutexplore.models.forest import Forest
 from layoutexplore.models.forest_files import load_forests
 from layoutexplore.models.network_files import load_weights, shapes_of
+from layoutexplore.options import Rule, format_value
 from layoutexplore.predictors.cell_model import features as cell_features
 from layoutexplore.predictors.cell_model.features import CandidateCells, add_first_estimate, find_candidates
 from layoutexplore.predictors.cell_model.network import LAYERS, CellNetwork
 from layoutexplore.predictors.cell_model.network_input import make_network_input
 from layoutexplore.predictors.cell_model.room_shapes import room_shapes
+from layoutexplore.predictors.floor_model.completion import MOST_AHEAD, completed_map
+from layoutexplore.predictors.floor_model.network import LAYERS as FLOOR_LAYERS
+from layoutexplore.predictors.floor_model.network import FloorNetwork
 from layoutexplore.predictors.frontier_model.feature_cache import FeatureCache
 from layoutexplore.predictors.frontier_model.features import (
     FEATURES,
@@ -50,7 +58,7 @@ from layoutexplore.predictors.protocol import RoomLabels, RoomsOnGrid, with_clas
 from layoutexplore.predictors.room_completion import complete_regions
 from layoutexplore.predictors.room_sketch import sketch_rooms
 from layoutexplore.predictors.seen_regions import DOORWAYS, SeenRegions
-from layoutexplore.predictors.upright import UprightViews
+from layoutexplore.predictors.upright import UprightView, UprightViews
 
 CLOSED = 0.6
 """Probability from which a frontier is called closed.
@@ -69,10 +77,15 @@ FOLDER = Path(__file__).parent
 
 FRONTIER_MODEL, CELL_MODEL = (FOLDER / name for name in ("frontier_model.json", "cell_model.json"))
 
-CELL_NETWORK, FRONTIER_NETWORK = (FOLDER / name for name in ("rooms.safetensors", "frontiers.safetensors"))
+CELL_NETWORK, FRONTIER_NETWORK, FLOOR_NETWORK = (
+    FOLDER / f"{name}.safetensors" for name in ("rooms", "frontiers", "floor")
+)
 
 ROOM_SHARE, FRONTIER_SHARE = 0.6, 0.5
 """Weight of the networks' log-odds, for cells and for frontiers, against those of the trees."""
+
+FORESIGHT_CONFIDENCE = 0.6
+"""Told of the completed map: it is right about five cells in six near what is known (MODEL_CARD.md)."""
 
 DOUBT = 1.0
 """The network scores frontiers whose log-odds by the trees are as near as this to a change of class."""
@@ -150,9 +163,11 @@ class LearnedPredictor:
         network: Whether the networks have a say, if there are any: better rooms and classes in more time.
         rooms: The layout method whose rooms are completed; the models have learnt with `doorways`.
         called: What its name begins with.
+        ahead: Metres beyond known floor that are foreseen once no open frontier is left; 0 for nothing, at
+            most 6.
 
     Raises:
-        ConfigError: The folder holds no models, or they do not fit this version.
+        ConfigError: The folder holds no models, or they do not fit this version; another number of metres.
         UnknownNameError: No such layout method.
     """
 
@@ -166,10 +181,12 @@ class LearnedPredictor:
         network: bool = True,
         rooms: str = DOORWAYS,
         called: str = "layout",
+        ahead: float = 0.0,
     ) -> None:
+        ahead = Rule(low=0.0, high=MOST_AHEAD).convert("ahead", ahead)
         folder = None if folder is None else Path(folder)
         changed = [f"model={folder}"] * (folder is not None) + ["network=off"] * (not network)
-        changed += [f"rooms={rooms}"] * (rooms != DOORWAYS)
+        changed += [f"rooms={rooms}"] * (rooms != DOORWAYS) + [f"ahead={format_value(ahead)}"] * (ahead > 0.0)
         self.name = ":".join([called, *([",".join(changed)] if changed else [])])
         self._method, self._regions = rooms, SeenRegions(rooms)
         paths = [(folder or FOLDER) / path.name for path in (FRONTIER_MODEL, CELL_MODEL)]
@@ -183,8 +200,13 @@ class LearnedPredictor:
         self._frontier_network = (
             FrontierNetwork(load_weights(of_frontiers, SHAPES)) if of_frontiers in networks else None
         )
-        self._memory, self._upright = FeatureCache(), UprightViews()
+        self._memory, self._upright, self._ahead = FeatureCache(), UprightViews(), ahead
         self._files = [*paths, *networks]
+        if ahead:
+            self._files.append((folder or FOLDER) / FLOOR_NETWORK.name)
+            self._floor_network = FloorNetwork(
+                load_weights(self._files[-1], shapes_of(FLOOR_LAYERS), "network that completes maps")
+            )
 
     @property
     def fingerprint(self) -> str:
@@ -216,7 +238,26 @@ class LearnedPredictor:
             scores[:, doubtful] += FRONTIER_SHARE * (found - scores[:, doubtful])
         classes, confidence = classify(scores, around.homes.astype(np.int32))
         rooms = self._completed(view.grid, regions, (around, classes.remaining_area))
-        return with_classes(decision, classes, view.rooms(rooms, self.name, decision.grid), confidence)
+        judged = with_classes(decision, classes, view.rooms(rooms, self.name, decision.grid), confidence)
+        if not self._ahead or not classes.is_closed.all():
+            return judged
+        return dataclasses.replace(judged, foresee=partial(self._foresee, decision.grid, view))
+
+    def _foresee(self, grid: OccupancyGrid, view: UprightView) -> Foresight:
+        """The map completed near known floor."""
+        cells = completed_map(self._floor_network, view.grid.cells, grid.resolution, self._ahead)
+        if view.turned is not None:
+            # 0 is what lies outside of the turned part.
+            above = cells.astype(np.int32) - UNKNOWN
+            cells = (turn_back(above, view.turned, grid.shape) + UNKNOWN).astype(np.int8)
+        foresight = Foresight(
+            cells=cells,
+            room_ids=np.zeros(grid.shape, np.int32),
+            confidence=FORESIGHT_CONFIDENCE,
+            predictor=self.name,
+            resolution=grid.resolution,
+        )
+        return foresight.within(self._ahead, grid.cells)
 
 
 def score_frontiers(features: Floats32, forests: dict[str, Forest]) -> Floats:

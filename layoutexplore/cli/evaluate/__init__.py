@@ -18,12 +18,14 @@ from layoutexplore.cli.evaluate.registration import registration, train_prior
 from layoutexplore.cli.evaluate.robustness import robustness
 from layoutexplore.cli.evaluate.segmentation import segmentation
 from layoutexplore.cli.evaluate.separator import train_separator
+from layoutexplore.cli.evaluate.train_floor import train_floor
 from layoutexplore.cli.evaluate.train_merging import train_merging
 from layoutexplore.cli.evaluate.train_predictor import train_predictor
 
 COMMANDS: dict[str, Callable[..., None]] = {
     "partial-rooms": partial_rooms,
     "train-predictor": train_predictor,
+    "train-floor": train_floor,
     "in-the-loop": in_the_loop,
     "foresight": foresight,
     "robustness": robustness,
@@ -44,6 +46,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
 EXAMPLES = {
     "partial-rooms": "office-01 school-01 -p layout -p hull --snapshots kept/",
     "train-predictor": "schools/ office:0-99 --folds 4 --store kept/ --out models/",
+    "train-floor": "schools/ office:0-99 --store kept/ --out models/floor.safetensors",
     "in-the-loop": "test -p reconstruct:rose2 -p layout -p oracle --out in-the-loop",
     "foresight": "schools/ -p oracle:horizon=1 -p oracle:horizon=inf --out foresight",
     "robustness": "quick --level low --level middle --out robustness",

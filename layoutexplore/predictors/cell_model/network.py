@@ -10,7 +10,7 @@ import numpy as np
 
 from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats32
-from layoutexplore.models.convolution import run_layer
+from layoutexplore.models.convolution import joined_to_larger, run_layer
 from layoutexplore.models.network_files import Layers, Weights
 from layoutexplore.predictors.cell_model.network_input import PLANES, NetworkInput, draw_planes
 
@@ -58,13 +58,7 @@ class CellNetwork:
         fourth = self._layer("at_fourth", self._layer("to_fourth", half))
         low = self._layer("wide", self._layer("at_eighth", self._layer("to_eighth", fourth)))
         for name, skipped in (("up_to_fourth", fourth), ("up_to_half", half), ("up_to_full", full)):
-            rows, cols, kept = skipped.shape
-            joined = np.empty((rows, cols, low.shape[2] + kept), np.float32)
-            joined[..., -kept:] = skipped
-            for row, col in ((0, 0), (0, 1), (1, 0), (1, 1)):
-                part = joined[row::2, col::2, :-kept]
-                part[:] = low[: part.shape[0], : part.shape[1]]
-            low = self._layer(name, joined)
+            low = self._layer(name, joined_to_larger(low, skipped))
         return self._layer("judge", self._layer("end", low))
 
     def _layer(self, name: str, values: Floats32) -> Floats32:

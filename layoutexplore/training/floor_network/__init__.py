@@ -1,0 +1,1 @@
+"""Training the network that completes maps (`layoutexplore evaluate train-floor`)."""
