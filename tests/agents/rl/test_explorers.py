@@ -72,9 +72,10 @@ def test_an_interruption_does_not_wait_for_jobs() -> None:
     assert time.monotonic() - began < LONG
 
 
-def test_a_failure_is_told_as_it_was() -> None:
-    with pytest.raises(ValueError, match="this one"):
-        explore_all(fail, ["this one", "that one"], nobody_asks, 2)
+@pytest.mark.parametrize("jobs", [["this one", ""], ["", "this one"], ["this one", "this one"]])
+def test_a_failure_is_told_as_it_was(jobs: list[str]) -> None:
+    with pytest.raises(ValueError, match="^this one$"):
+        explore_all(fail, jobs, nobody_asks, 2)
 
 
 def test_a_worker_that_dies_is_told() -> None:
