@@ -12,12 +12,12 @@ import sys
 import threading
 import time
 import types
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from multiprocessing import resource_tracker
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -173,6 +173,30 @@ def more_time(seconds: float) -> Iterator[None]:
         yield
     finally:
         _grace[0] = before
+
+
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Ctrl-C and SIGTERM that come inside the block are answered at its end: nothing there is left half done.
+
+    It has to be short. In other threads than the main one, which signals do not interrupt, it does nothing.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    handlers: dict[int, Callable[[int, FrameType | None], Any]] = {}
+    came: list[tuple[int, FrameType | None]] = []
+    try:
+        for asking in ASKING:
+            if callable(handler := signal.getsignal(asking)):
+                handlers[asking] = handler
+                signal.signal(asking, lambda *what: came.append(what))
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for number, frame in came[:1]:
+            handlers[number](number, frame)
 
 
 def end_at_once() -> NoReturn:

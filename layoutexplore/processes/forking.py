@@ -6,26 +6,40 @@ and modules the processes of both have, and those of `SubprocVecEnv` and of Pyth
 
 from __future__ import annotations
 
+import contextlib
 import types
 from multiprocessing import context, forkserver, popen_forkserver
 from typing import Any
+
+from layoutexplore.processes import uninterrupted
 
 SERVER: Any = forkserver.ForkServer()
 """What is asked for workers."""
 
 
-class _Started(popen_forkserver.Popen):
-    """A process that `SERVER` has forked: begun as others are, where the global name of theirs means ours."""
+_LAUNCH = vars(popen_forkserver.Popen)["_launch"].__code__
 
-    _launch = types.FunctionType(
-        vars(popen_forkserver.Popen)["_launch"].__code__,
-        vars(popen_forkserver)
-        | {
-            "forkserver": types.SimpleNamespace(
-                connect_to_new_process=SERVER.connect_to_new_process, read_signed=forkserver.read_signed
-            )
-        },
-    )
+
+class _Started(popen_forkserver.Popen):
+    """A process that `SERVER` has forked: begun as others are, where the global name of theirs means ours.
+
+    Ctrl-C waits while the server and the worker are told what they need: whoever hears but half of it
+    complains in a traceback of its own.
+    """
+
+    def _launch(self, process: Any) -> None:
+        with contextlib.ExitStack() as telling:
+
+            def connect(files: Any) -> Any:
+                telling.enter_context(uninterrupted())
+                return SERVER.connect_to_new_process(files)
+
+            def hear(worker: int) -> Any:
+                telling.close()
+                return forkserver.read_signed(worker)
+
+            ours = types.SimpleNamespace(connect_to_new_process=connect, read_signed=hear)
+            types.FunctionType(_LAUNCH, vars(popen_forkserver) | {"forkserver": ours})(self, process)
 
 
 class ForkedProcess(context.ForkServerProcess):
