@@ -74,7 +74,7 @@ def test_an_interruption_does_not_wait_for_jobs() -> None:
 
 @pytest.mark.parametrize("jobs", [["this one", ""], ["", "this one"], ["this one", "this one"]])
 def test_a_failure_is_told_as_it_was(jobs: list[str]) -> None:
-    with pytest.raises(ValueError, match="^this one$"):
+    with pytest.raises(ValueError, match=r"^this one$"):
         explore_all(fail, jobs, nobody_asks, 2)
 
 
