@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 LABEL_GAP = 6.0
@@ -33,3 +34,44 @@ def label_places(places: Sequence[float], gap: float = LABEL_GAP) -> list[float]
     for count, (start, k) in enumerate((start, k) for start, members in groups for k in members):
         found[k] = max(start, 0.0) + gap * count
     return found
+
+
+SEEN_WHOLE, BEGINNING, END = 12, 3, 8
+"""Letters of a name that is shown whole everywhere; of a longer one at least so many of its beginning, and of
+its end."""
+
+
+def names_apart(names: Sequence[str]) -> dict[str, str]:
+    """What is shown of names where there is room for their beginnings and ends.
+
+    Long names that look alike are shown by what tells them apart, and those of files without their folders
+    where that does.
+
+    Args:
+        names: The names.
+
+    Example:
+        >>> names_apart(["nearest", "home/mine.py:A:area=2,sure=1", "home/mine.py:B:area=2,sure=1"])
+        {'nearest': 'nearest', 'home/mine.py:A:area=2,sure=1': '…A…', 'home/mine.py:B:area=2,sure=1': '…B…'}
+    """
+    shown = {name: name for name in names}
+    alike: dict[tuple[str, str], list[str]] = {}
+    for name in shown:
+        if len(name) > SEEN_WHOLE:
+            alike.setdefault((name[:BEGINNING], name[-END:]), []).append(name)
+    for group in alike.values():
+        if len(group) < 2:
+            continue
+        parts = [re.split(r"(?<=[/:,;=])", name) for name in group]
+        before, most = _same(parts), min(map(len, parts))
+        behind = min(_same([name[::-1] for name in parts]), most - before - 1)
+        for name, told in zip(group, parts, strict=True):
+            middle = "".join(told[before : len(told) - behind])
+            shown[name] = "…" * (before > 0) + (middle[:-1] + "…" if behind and middle else middle)
+    return shown
+
+
+def _same(names: list[list[str]]) -> int:
+    """How many parts all names begin with, but the last one of none."""
+    most = min(map(len, names)) - 1
+    return next((k for k in range(most) if len({name[k] for name in names}) > 1), most)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,12 +13,19 @@ from layoutexplore.benchmark.counterfactual import DecisiveDecision
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.drawing import palette
 from layoutexplore.errors import LayoutExploreError
-from layoutexplore.grids.arrays import Bytes, Ints, Mask
+from layoutexplore.grids.arrays import Bytes, Floats, Ints, Mask
 from layoutexplore.grids.grid import FREE, OCCUPIED, Cell
 from layoutexplore.grids.morphology import inflate
 from layoutexplore.planning.shortest_paths import descend, geodesic_distances
-from layoutexplore.report.plots import ScaleBar, line_path, scale_bar
+from layoutexplore.report.plots import line_path
+from layoutexplore.report.scale_bars import PlacedScaleBar, place_scale_bar, scale_bar
 from layoutexplore.report.templates import NBSP, number, png_uri
+
+SHOWN = 345.0, 420.0
+"""The most pixels of a page, in width and height, that a picture has."""
+
+MARK_WEIGHT = 20.0
+"""How many cells of the map a cell under a mark or a label is worth, where a scale bar may lie."""
 
 MARGIN, LEAST_SIDE = 2.5, 12.0
 """Metres around what matters, and the least side of a picture."""
@@ -69,7 +76,7 @@ class DecisionPicture:
     path: str
     path_without: str
     labels: tuple[Label, ...]
-    scale: ScaleBar
+    scale: PlacedScaleBar
     title: str
     said: str
     outcome: str
@@ -95,6 +102,7 @@ def decision_picture(
         return round(cell[1] - left + 0.5, 2), round(height - (cell[0] - top) - 0.5, 2)
 
     labels = _labels(decision, place, (width, height))
+    marks = robot, chosen, given_up = place(decision.here), place(decision.chosen), place(decision.given_up)
     return DecisionPicture(
         row=row,
         decision=decision,
@@ -102,13 +110,13 @@ def decision_picture(
         width=width,
         height=height,
         unit=max(width, height) / 100,
-        robot=place(decision.here),
-        chosen=place(decision.chosen),
-        given_up=place(decision.given_up),
+        robot=robot,
+        chosen=chosen,
+        given_up=given_up,
         path=_path(paths[0], place),
         path_without=_path(paths[1], place),
         labels=labels,
-        scale=scale_bar(width, resolution),
+        scale=place_scale_bar(scale_bar(width, resolution), _weight(image[::-1], labels, marks), SHOWN),
         title=f"{row.plan}, {row.sensor}, after {number(decision.distance, 0)}{NBSP}m",
         said=_said(decision),
         outcome=_outcome(decision),
@@ -207,6 +215,21 @@ def _labels(decision: DecisiveDecision, place: Place, size: tuple[int, int]) -> 
         colour = palette.mix(palette.CLOSED if closed else palette.OPEN, palette.BLACK, 0.35)
         labels.append(Label(x, y, text, palette.to_hex(colour), before))
     return tuple(labels)
+
+
+def _weight(image: Bytes, labels: tuple[Label, ...], marks: Sequence[tuple[float, float]]) -> Floats:
+    """What a scale bar must not hide, float64 (rows, cols): what is drawn on the map, marks and labels."""
+    weight = np.where((image == np.array(palette.CANVAS, np.uint8)).all(axis=2), 0.0, 1.0)
+    rows, cols = weight.shape
+    unit = max(rows, cols) / 100
+    boxes = [(x - 3 * unit, x + 3 * unit, y - 3 * unit, y + 3 * unit) for x, y in marks]
+    for label in labels:
+        left = label.x - label.before * _TEXT * unit
+        boxes.append((left, left + _TEXT * unit, label.y - 5 * unit, label.y))
+    for box in boxes:
+        x0, x1, y0, y1 = (max(int(at), 0) for at in box)
+        weight[y0 : y1 + 1, x0 : x1 + 1] += MARK_WEIGHT
+    return weight
 
 
 def _said(decision: DecisiveDecision) -> str:

@@ -21,6 +21,7 @@ from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import with_neighbours
 from layoutexplore.layout.frame import to_local
+from layoutexplore.report.scale_bars import PlacedScaleBar, place_scale_bar, scale_bar
 from layoutexplore.report.templates import NBSP, png_uri
 
 RATIO_LIMITS = (0.4, 2.0)
@@ -181,30 +182,6 @@ def agent_look(k: int) -> tuple[palette.Colour, str]:
 
 
 @dataclass(frozen=True)
-class ScaleBar:
-    """A length on a map: its label, and its width in cells of the picture."""
-
-    label: str
-    width: float
-
-
-def scale_bar(cols: int, resolution: float) -> ScaleBar:
-    """A round length of about a fifth of a picture's width.
-
-    Args:
-        cols: Width of the picture in cells.
-        resolution: Metres per cell.
-
-    Example:
-        >>> scale_bar(400, 0.1)
-        ScaleBar(label='5 m', width=50.0)
-    """
-    steps = [base * 10**power for power in range(-1, 4) for base in (1, 2, 5)]
-    metres = max((step for step in steps if step <= 0.22 * cols * resolution), default=steps[0])
-    return ScaleBar(f"{metres:g} m", round(metres / resolution, 2))
-
-
-@dataclass(frozen=True)
 class TrackPicture:
     """A track in pieces from the start to the end, in cells from the top left of the picture."""
 
@@ -236,12 +213,12 @@ class Picture:
     width: int
     height: int
     track: TrackPicture
-    scale: ScaleBar
+    scale: PlacedScaleBar
 
     @property
     def wide(self) -> bool:
         """Whether the plan needs a wide frame to be seen."""
-        return self.width > 2.2 * self.height
+        return _is_wide(self.width, self.height)
 
 
 def pictures_of_tracks(
@@ -290,13 +267,36 @@ def _picture(folder: ResultsFolder, caption: str, row: Row, level: str) -> Pictu
     occupied, frame = folder.raster(row.plan)
     _, track = folder.episode(row)
     rows, cols = occupied.shape
-    way, scale = track_picture(track, frame, rows), scale_bar(cols, float(frame[0]))
+    way = track_picture(track, frame, rows)
+    shown = WIDE_SHOWN if _is_wide(cols, rows) else SHOWN
+    scale = place_scale_bar(scale_bar(cols, float(frame[0])), _weight(occupied, way), shown)
     seen = ""
     if level:
         reached = getattr(row, level.replace("d", "reached"))
         share = f"{level[1:]}{NBSP}%"
         seen = f"{getattr(row, level):.0f} m to {share}" if reached else f"{share} not reached"
     return Picture(caption, seen, row, floor_picture(occupied), cols, rows, way, scale)
+
+
+SHOWN, WIDE_SHOWN = (243.0, 340.0), (525.0, 340.0)
+"""The most pixels of a page, in width and height, that such a picture has; and a wide one."""
+
+END_WEIGHT = 100.0
+"""How many cells of floor a cell near either end of a way is worth, where a scale bar may lie."""
+
+
+def _is_wide(width: int, height: int) -> bool:
+    return width > 2.2 * height
+
+
+def _weight(occupied: Mask, way: TrackPicture) -> Floats:
+    """What a scale bar must not hide, float64 (rows, cols), the top row first: floor, and the way's ends."""
+    weight = np.where(occupied, 0.0, 1.0)[::-1]
+    for x, y in (way.start, way.end):
+        row, col = (min(max(int(at), 0), size - 1) for at, size in zip((y, x), weight.shape, strict=True))
+        around = max(1, max(weight.shape) // 60)
+        weight[max(row - around, 0) : row + around + 1, max(col - around, 0) : col + around + 1] += END_WEIGHT
+    return weight
 
 
 MOST_POINTS = 20_000

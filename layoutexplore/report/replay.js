@@ -185,10 +185,11 @@
     pen.fillText("metres travelled", (left + right) / 2, low + 22 * unit);
     pen.save(); pen.translate(9 * unit, (top + low) / 2); pen.rotate(-Math.PI / 2); pen.textBaseline = "middle";
     pen.fillText("coverage", 0, 0); pen.restore();
-    for (const [upto, colour] of [[a.curve.length / 2, colours.track_old], [scans, colours.track]]) {
-      pen.beginPath();
+    // pale by letting the page through: on a dark one, too
+    for (const [upto, alpha] of [[a.curve.length / 2, 0.4], [scans, 1]]) {
+      pen.globalAlpha = alpha; pen.beginPath();
       for (let k = 0; k < upto; k++) pen.lineTo(px(a.curve[2 * k]), py(a.curve[2 * k + 1]));
-      pen.lineWidth = 2.2 * unit; pen.strokeStyle = css(colour); pen.stroke();
+      pen.lineWidth = 2.2 * unit; pen.strokeStyle = css(colours.track); pen.stroke();
     }
     pen.beginPath(); pen.moveTo(px(metres), top); pen.lineTo(px(metres), low);
     pen.lineWidth = 1.2 * unit; pen.strokeStyle = css(colours.ink); pen.stroke();

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from layoutexplore.drawing import palette
+from layoutexplore.drawing.labels import names_apart
 from layoutexplore.errors import require
 from layoutexplore.grids.arrays import Bytes
 from layoutexplore.grids.ros_map import encode_png
@@ -47,7 +48,6 @@ def map_colours(*, as_numbers: bool = False) -> dict[str, Any]:
         "went": palette.TRACK_NEW,
         "given_up": palette.GIVEN_UP,
         "track": palette.TRACK_NEW,
-        "track_old": palette.TRACK_OLD,
         "planned": palette.PLANNED,
         "ink": palette.INK,
         "faded": palette.FADED_INK,
@@ -146,6 +146,18 @@ def markdown(text: Any) -> Any:
     return re.sub(r"([\\`*|\[\]])", r"\\\1", plain)
 
 
+def breakable(name: str) -> Any:
+    """A name that may go on in a new line where its parts are joined.
+
+    Example:
+        >>> str(breakable("a.py:B:area=2"))
+        'a.py:<wbr>B:<wbr>area=<wbr>2'
+    """
+    from markupsafe import Markup, escape
+
+    return Markup("<wbr>").join(escape(part) for part in re.split(r"(?<=[/:,;=])", name))
+
+
 def _code(text: str) -> Any:
     """Text for a code span or block, where nothing is read as Markdown: only its end must not come."""
     from markupsafe import Markup
@@ -171,6 +183,8 @@ def _environment(*, markdown: bool) -> Any:
         "interval": interval,
         "percents": percents,
         "code": _code,
+        "names_apart": names_apart,
+        "breakable": breakable,
     }
     return environment
 

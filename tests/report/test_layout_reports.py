@@ -47,7 +47,7 @@ from layoutexplore.training.snapshots import explore_plan
 from tests.plans import OFFICES
 
 FLIPPED = "layout-nearest:predictor=oracle:flip=0.25"
-VOID = {"meta", "link", "br", "image", "img", "path", "circle", "rect", "hr"}
+VOID = {"meta", "link", "br", "wbr", "image", "img", "path", "circle", "rect", "hr"}
 
 
 class Balance(HTMLParser):

@@ -33,7 +33,7 @@ from layoutexplore.report.templates import TEMPLATES, interval, render
 from tests.plans import HOUSE
 from tests.report.cases import many_runs
 
-VOID = {"meta", "link", "br", "image", "img", "path", "circle", "rect", "hr", "input"}
+VOID = {"meta", "link", "br", "wbr", "image", "img", "path", "circle", "rect", "hr", "input"}
 
 
 class Balance(HTMLParser):
