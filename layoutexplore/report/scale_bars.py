@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from layoutexplore.grids.arrays import Floats
 
 LETTER, INSET, HIGH = 7.0, 6.0, 24.0
 """Pixels of the page: width of a letter of the label, margin inside the bar's box, and height of that."""
@@ -55,14 +56,12 @@ class PlacedScaleBar(ScaleBar):
     pixel: float
 
 
-def place_scale_bar(
-    bar: ScaleBar, weight: NDArray[np.floating], shown: tuple[float, float]
-) -> PlacedScaleBar:
+def place_scale_bar(bar: ScaleBar, weight: Floats, shown: tuple[float, float]) -> PlacedScaleBar:
     """The bar in the corner where its box covers the least weight; below on the left where all are alike.
 
     Args:
         bar: The bar.
-        weight: float (rows, cols), what it would be a pity to cover, the top row of the picture first.
+        weight: float64 (rows, cols), what it would be a pity to cover, the top row of the picture first.
         shown: The most pixels of the page that the picture has, in width and in height.
 
     Example:
