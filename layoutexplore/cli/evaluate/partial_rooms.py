@@ -97,7 +97,8 @@ def partial_rooms(
         require("jinja2", "bench")
     check_places(out, json_file, snapshots=snapshots)
     sensors = asked_sensors(sensor)
-    predictors = asked_predictors(predictor or predictor_names())
+    # `learned` is `layout` as long as no other layout method is named.
+    predictors = asked_predictors(predictor or [name for name in predictor_names() if name != "learned"])
     sources = find_plans(plans)
     if (count := len(sources) * len(sensors) * starts) > MOST_RUNS:
         raise ConfigError(f"{count} explorations are more than {MOST_RUNS}: give fewer plans or starts")

@@ -40,8 +40,8 @@ LEAST_HIDDEN = 2.0
 MARGIN = 1.5
 """Metres around a room in its picture."""
 
-BOUNDS = ("none", "oracle")
-"""Predictors that are no competitors."""
+_BOUNDS = ("none", "oracle")
+"""Predictors that show the least and the most there is to reach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +220,7 @@ def _view(scores: Scores, summary: Mapping[str, PredictorSummary], gallery: Gall
         "plans": len({r.plan for r in scores.rooms}),
         "buildings": len({r.building for r in scores.rooms}),
         "sensors": sorted({f.sensor for f in scores.frontiers}),
-        "bounds": BOUNDS,
+        "outside": {name: why for name in names if (why := _outside(name))},
         "spell": spell,
         "least_hidden": LEAST_HIDDEN,
     }
@@ -236,12 +236,18 @@ def spell(stratum: str) -> str:
     return stratum.replace("%-", "–").replace("%", f"{NBSP}%")
 
 
+def _outside(name: str) -> str:
+    """Why a predictor does not compete; empty if it does."""
+    kind = name.partition(":")[0]
+    return "bound" if kind in _BOUNDS else "knows a plan" if kind == "prior" else ""
+
+
 def _leader(rooms: Mapping[str, Mapping[str, RoomLine]], stratum: str, measure: str) -> str:
-    """The best predictor of a stratum that is no bound; empty where there is none."""
+    """The best predictor of a stratum that competes; empty where there is none."""
     found = {
         name: getattr(lines[stratum], measure)
         for name, lines in rooms.items()
-        if stratum in lines and name not in BOUNDS
+        if stratum in lines and not _outside(name)
     }
     return max(found, key=lambda name: found[name], default="")
 
