@@ -205,9 +205,10 @@
     return text;
   }
 
+  let room = 0;
   function resize() {
     if (!run) return;
-    const ratio = window.devicePixelRatio || 1, wide = map.parentNode.clientWidth;
+    const ratio = window.devicePixelRatio || 1, wide = room = map.parentNode.clientWidth;
     const most = Math.max(220, Math.min(0.7 * window.innerHeight, 560));
     const high = Math.min(most, (wide * run.rows) / run.cols), across = (high * run.cols) / run.rows;
     map.style.width = across + "px"; map.style.height = high + "px";
@@ -237,6 +238,9 @@
   bar.addEventListener("input", () => { metres = Number(bar.value); draw(); });
   $("rooms").addEventListener("change", draw);
   window.addEventListener("resize", resize);
+  // A scroll bar that comes with what is drawn makes the page narrower, which is no resize of the window.
+  const fit = () => { if (run && map.parentNode.clientWidth !== room) resize(); };
+  new ResizeObserver(() => requestAnimationFrame(fit)).observe(map.parentNode);
 
   const cells = [...new Set(data.runs.map((r) => r.cell))];
   $("cell").append(...cells.map((name) => new Option(name)));
