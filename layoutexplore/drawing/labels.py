@@ -36,6 +36,18 @@ def label_places(places: Sequence[float], gap: float = LABEL_GAP) -> list[float]
     return found
 
 
+def label_gap(count: int, gap: float = LABEL_GAP) -> float:
+    """Percent of a chart's height between so many labels: less where there are many, so that all have room.
+
+    Whoever draws many has to make the chart higher.
+
+    Example:
+        >>> label_gap(10), label_gap(40)
+        (6.0, 2.5)
+    """
+    return min(gap, 100.0 / max(count, 1))
+
+
 SEEN_WHOLE, BEGINNING, END = 12, 3, 8
 """Letters of a name that is shown whole everywhere; of a longer one at least so many of its beginning, and of
 its end."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from layoutexplore.drawing import palette
-from layoutexplore.drawing.labels import label_places
+from layoutexplore.drawing.labels import label_gap, label_places
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.metrics.statistics import Interval
 from layoutexplore.report.plots import agent_look, line_path
@@ -125,7 +125,9 @@ def line_chart(
     ends = [points[-1].y if points else 100.0 for _, _, points in drawn]
     series = [
         Series(name, *looks[name], path, points, end, round(label_at, 2))
-        for (name, path, points), end, label_at in zip(drawn, ends, label_places(ends, 8.0), strict=True)
+        for (name, path, points), end, label_at in zip(
+            drawn, ends, label_places(ends, label_gap(len(ends), 8.0)), strict=True
+        )
     ]
     x_ticks = tuple((round((n + 0.5) * slot, 2), text) for n, text in enumerate(strata))
     count = round((high - low) / _STEP)

@@ -22,7 +22,7 @@ from layoutexplore.benchmark.layout_effects import LayoutEffect, layout_effects
 from layoutexplore.benchmark.rows import CellKey, Row
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing.beliefs import SUFFIX, BelievedPlan, believed_plan
-from layoutexplore.drawing.labels import LABEL_GAP, label_places
+from layoutexplore.drawing.labels import LABEL_GAP, label_gap, label_places
 from layoutexplore.drawing.prior_plans import draw_comparison
 from layoutexplore.errors import ResultsError
 from layoutexplore.grids.arrays import Floats
@@ -216,7 +216,7 @@ def stop_plot(stops: Sequence[EarlyStop], looks: Mapping[str, Look]) -> StopPlot
     def y(value: float) -> float:
         return round(100 * (1 - min(max((value - low) / (high - low), 0.0), 1.0)), 2)
 
-    labels = label_places([y(stop.saved.estimate) for stop in stops], 2 * LABEL_GAP)
+    labels = label_places([y(stop.saved.estimate) for stop in stops], label_gap(len(stops), 2 * LABEL_GAP))
     marks = []
     for k, stop in enumerate(stops):
         lost, saved = stop.lost.ends, stop.saved.ends

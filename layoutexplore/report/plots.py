@@ -16,7 +16,7 @@ from layoutexplore.benchmark.analysis import Comparison, PooledCurve
 from layoutexplore.benchmark.rows import Row
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.drawing import palette
-from layoutexplore.drawing.labels import label_places
+from layoutexplore.drawing.labels import label_gap, label_places
 from layoutexplore.grids.arrays import Floats, Mask
 from layoutexplore.grids.grid import Pose
 from layoutexplore.grids.morphology import with_neighbours
@@ -141,7 +141,7 @@ def curve_lines(
     shown = [by_agent[agent] for agent in order if agent in by_agent]
     ends = [100 * (1 - float(curve.mean[-1])) for curve in shown]
     lines = []
-    for curve, end, label_at in zip(shown, ends, label_places(ends), strict=True):
+    for curve, end, label_at in zip(shown, ends, label_places(ends, label_gap(len(ends))), strict=True):
         x = (100 * curve.x / curve.x[-1]).tolist()
         mean, low, high = (
             list(zip(x, (100 * (1 - y)).tolist(), strict=True)) for y in (curve.mean, curve.low, curve.high)

@@ -14,7 +14,7 @@ import numpy as np
 
 from layoutexplore.benchmark.analysis import SHORTEST, agents_of
 from layoutexplore.benchmark.rows import CellKey, Row
-from layoutexplore.drawing.labels import label_places
+from layoutexplore.drawing.labels import label_gap, label_places
 from layoutexplore.grids.arrays import Floats
 from layoutexplore.report.plots import Look, Tick
 
@@ -92,7 +92,7 @@ def profile_plot(
     ends = [100 * (1 - float(np.mean(factors[k] <= FARTHEST))) for k in order]
     lines = [
         ProfileLine(agents[k], *looks[agents[k]], _steps(factors[k]), round(end, 2), round(at, 2), factors[k])
-        for k, end, at in zip(order, ends, label_places(ends), strict=True)
+        for k, end, at in zip(order, ends, label_places(ends, label_gap(len(ends))), strict=True)
     ]
     return ProfilePlot(lines, [Tick(_across(value), f"{value:g}") for value in _TICKS], factors.shape[1])
 

@@ -5,7 +5,15 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from layoutexplore.drawing.labels import BEGINNING, END, SEEN_WHOLE, names_apart
+from layoutexplore.drawing.labels import (
+    BEGINNING,
+    END,
+    LABEL_GAP,
+    SEEN_WHOLE,
+    label_gap,
+    label_places,
+    names_apart,
+)
 
 PARTS = st.lists(st.sampled_from(["tour", "policy", "a.py", "area", "2", "layout", "predictor"]), min_size=1)
 
@@ -29,3 +37,13 @@ def test_only_names_that_look_alike_are_cut() -> None:
 def test_a_name_that_another_one_begins_with() -> None:
     shorter, longer = "tour:area=2:area=2", "tour:area=2:area=2:area=2"
     assert names_apart([shorter, longer]) == {shorter: "…2", longer: "…2:area=2"}
+
+
+@given(st.integers(1, 60))
+def test_as_many_labels_as_there_are_have_room(count: int) -> None:
+    gap = label_gap(count)
+    assert 0.0 < gap <= LABEL_GAP
+    places = label_places([0.5] * count, gap)
+    assert places[-1] + gap <= 100.5 and all(
+        b - a > 0.99 * gap for a, b in zip(places, places[1:], strict=False)
+    )
