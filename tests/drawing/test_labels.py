@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -44,6 +46,5 @@ def test_as_many_labels_as_there_are_have_room(count: int) -> None:
     gap = label_gap(count)
     assert 0.0 < gap <= LABEL_GAP
     places = label_places([0.5] * count, gap)
-    assert places[-1] + gap <= 100.5 and all(
-        b - a > 0.99 * gap for a, b in zip(places, places[1:], strict=False)
-    )
+    assert places[-1] + gap <= 100.5
+    assert all(b - a > 0.99 * gap for a, b in itertools.pairwise(places))
