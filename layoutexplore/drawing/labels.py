@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 
 LABEL_GAP = 6.0
@@ -80,7 +81,8 @@ def names_apart(names: Sequence[str]) -> dict[str, str]:
         for name, told in zip(group, parts, strict=True):
             middle = "".join(told[before : len(told) - behind])
             shown[name] = "…" * (before > 0) + (middle[:-1] + "…" if behind and middle else middle)
-    return shown
+    often = Counter(shown.values())
+    return {name: text if often[text] == 1 else name for name, text in shown.items()}
 
 
 def _same(names: list[list[str]]) -> int:
