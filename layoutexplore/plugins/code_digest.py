@@ -47,9 +47,9 @@ _WALKS = 3
 
 _ASIDE = {
     *("__dict__", "__weakref__", "__module__", "__doc__", "__firstlineno__", "__static_attributes__"),
-    *("_abc_impl", "__annotate_func__", "__annotations_cache__"),
+    *("_abc_impl", "__annotate_func__", "__annotations_cache__", "__slotnames__"),
 }
-"""Attributes of a class that say nothing of what it does."""
+"""Attributes of a class that say nothing of what it does; Python sets the last when an object is copied."""
 
 
 def digest_of(thing: Any) -> str:
