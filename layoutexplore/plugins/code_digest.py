@@ -19,6 +19,7 @@ import hashlib
 import inspect
 import linecache
 import sys
+import tokenize
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -208,7 +209,7 @@ class _Walk:
         if id(function) not in self._sources:
             try:
                 text = _source_of(function.__code__)
-            except (OSError, TypeError, SyntaxError, IndexError):
+            except (OSError, TypeError, SyntaxError, IndexError, tokenize.TokenError):
                 text = self.of(function.__code__)
             self._sources[id(function)] = text
         return self._sources[id(function)]

@@ -166,6 +166,13 @@ def test_what_python_keeps_in_a_class_when_an_object_is_copied_does_not_count() 
     assert digest_of(kind) == before == digest_of(defined(CELL))
 
 
+def test_code_has_a_digest_whose_file_is_no_python_any_more(tmp_path: Path) -> None:
+    """As a program that is edited while it runs, or a page of which code is run."""
+    for text in ("it's said: 'x", 'a = """b', "a = (b", "a = 'b\\", "  a\n b", "}", ""):
+        program = write(tmp_path, "\n".join(12 * [text]))
+        assert len(digest_of(defined(CELL, place=program))) == 12
+
+
 def test_odd_things_have_digests() -> None:
     """What reaches itself, is too deep, or cannot be pickled."""
     ring: list[Any] = [1]
