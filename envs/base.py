@@ -6,7 +6,6 @@ Gymnasium.
 
 from __future__ import annotations
 
-import inspect
 import math
 import operator
 import os
@@ -33,6 +32,7 @@ from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.metrics.exploration import FULLY_SEEN, NEARLY_SEEN, distance_to_coverage
 from layoutexplore.options import SEED, check_keys, check_kind
+from layoutexplore.plugins.signatures import signature_of
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.simulation import Simulation
 from layoutexplore.simulation.stop_reasons import StopReason
@@ -237,7 +237,7 @@ class ExplorationEnv(gymnasium.Env[Observation, Action]):
 
 def check_options(environment: type[Any], options: Mapping[str, Any], *more: str) -> None:
     """Raise `UnknownNameError` unless an environment has all of these options, or they are some of `more`."""
-    parameters = list(inspect.signature(environment.__init__).parameters.values())[1:]
+    parameters = list(signature_of(environment.__init__).parameters.values())[1:]
     if any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters):
         return
     known = [parameter.name for parameter in parameters]

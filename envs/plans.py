@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence, Set
 from typing import Any, Protocol, runtime_checkable
@@ -13,6 +12,7 @@ from layoutexplore.errors import ConfigError, cause, shortened
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import cached_plan
 from layoutexplore.options import check_kind
+from layoutexplore.plugins.signatures import signature_of
 
 MOST_PLANS = 200_000
 """So many floor plans an environment may draw from."""
@@ -79,7 +79,7 @@ def _drawing(function: Any) -> Any:
     """A function that draws plans, if it can be called as such."""
     curriculum = isinstance(function, Curriculum)
     try:
-        signature = inspect.signature(function.draw if curriculum else function)
+        signature = signature_of(function.draw if curriculum else function)
     except (TypeError, ValueError):  # of some that are no Python nobody knows what they take
         return function
     try:

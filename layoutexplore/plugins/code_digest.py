@@ -19,6 +19,7 @@ import hashlib
 import inspect
 import linecache
 import sys
+import tokenize
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,9 +48,9 @@ _WALKS = 3
 
 _ASIDE = {
     *("__dict__", "__weakref__", "__module__", "__doc__", "__firstlineno__", "__static_attributes__"),
-    *("_abc_impl", "__annotate_func__", "__annotations_cache__"),
+    *("_abc_impl", "__annotate_func__", "__annotations_cache__", "__slotnames__"),
 }
-"""Attributes of a class that say nothing of what it does."""
+"""Attributes of a class that say nothing of what it does; Python sets the last when an object is copied."""
 
 
 def digest_of(thing: Any) -> str:
@@ -208,7 +209,7 @@ class _Walk:
         if id(function) not in self._sources:
             try:
                 text = _source_of(function.__code__)
-            except (OSError, TypeError, SyntaxError, IndexError):
+            except (OSError, TypeError, SyntaxError, IndexError, tokenize.TokenError):
                 text = self.of(function.__code__)
             self._sources[id(function)] = text
         return self._sources[id(function)]

@@ -236,7 +236,7 @@ def _execute(place: str, before: Loaded | None, files: dict[Path, bytes]) -> Loa
     sys.modules[module.__name__] = module  # dataclasses look for their module there
 
     def run() -> None:
-        code = compile(source, place, "exec")
+        code = compile(source, place, "exec", dont_inherit=True)
         lines = decode_source(source).splitlines(keepends=True)
         linecache.cache[place] = len(source), None, lines, place  # tracebacks show what ran
         exec(code, vars(module))

@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import functools
 import inspect
+import sys
 from collections.abc import Callable
 from typing import Any, get_args
 
@@ -44,10 +45,26 @@ def buildable(thing: Any, what: str, *, inputs: int = 0) -> tuple[Callable[[str,
     return build, options
 
 
+def signature_of(run: Callable[..., Any]) -> inspect.Signature:
+    """A signature with its annotations as texts where Python 3.14 would look up what they name.
+
+    That may be imported for type checkers alone: before, such annotations had to be texts.
+
+    Raises:
+        TypeError: It cannot be called.
+        ValueError: It is compiled code that does not tell.
+    """
+    if sys.version_info >= (3, 14):
+        from annotationlib import Format
+
+        return inspect.signature(run, annotation_format=Format.STRING)
+    return inspect.signature(run)
+
+
 def check_takes(run: Callable[..., Any], argument: str, what: str) -> None:
     """Raise `ConfigError` where a function of the user's own cannot be called with this one argument."""
     try:
-        signature = inspect.signature(run)
+        signature = signature_of(run)
     except (TypeError, ValueError):
         return  # compiled code that does not tell
     try:
@@ -75,9 +92,7 @@ def _options_of(thing: Any, what: str, inputs: int) -> Options:
         return Options()
     fields = []
     named = [
-        p
-        for p in inspect.signature(thing).parameters.values()
-        if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
+        p for p in signature_of(thing).parameters.values() if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)
     ]
     known = meanings(thing)
     for parameter in named[inputs:]:

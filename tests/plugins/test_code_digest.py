@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import logging
 import os
 import re
@@ -156,6 +157,20 @@ def test_what_an_object_keeps_for_later_does_not_count() -> None:
     one, other = kind(), kind()
     assert one.slow == 6 and vars(one) and not vars(other)
     assert digest_of(one) == digest_of(other)
+
+
+def test_what_python_keeps_in_a_class_when_an_object_is_copied_does_not_count() -> None:
+    kind = defined(CELL)
+    before = digest_of(kind)
+    copy.copy(kind())
+    assert digest_of(kind) == before == digest_of(defined(CELL))
+
+
+def test_code_has_a_digest_whose_file_is_no_python_any_more(tmp_path: Path) -> None:
+    """As a program that is edited while it runs, or a page of which code is run."""
+    for text in ("it's said: 'x", 'a = """b', "a = (b", "a = 'b\\", "  a\n b", "}", ""):
+        program = write(tmp_path, "\n".join(12 * [text]))
+        assert len(digest_of(defined(CELL, place=program))) == 12
 
 
 def test_odd_things_have_digests() -> None:

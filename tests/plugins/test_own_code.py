@@ -37,6 +37,14 @@ def test_a_file_is_loaded_once_and_again_when_it_changes(tmp_path: Path) -> None
     assert reference(path).load() == 2 and reference(path).digest() != digest
 
 
+def test_annotations_of_a_file_are_what_they_are_in_a_program(tmp_path: Path) -> None:
+    """Texts only in a file that asks for them by `from __future__ import annotations`."""
+    text = "def run(size: int): ...\nVALUE = run.__annotations__['size']"
+    assert reference(write(tmp_path, text)).load() is int
+    text = f"from __future__ import annotations\n{text}"
+    assert reference(write(tmp_path, text)).load() == "int"
+
+
 def test_what_it_imports_from_beside_it_counts(tmp_path: Path) -> None:
     write(tmp_path, "SIZE = 1", "beside_mine.py")
     path = write(tmp_path, "import beside_mine\nVALUE = beside_mine.SIZE")
