@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+from collections.abc import Iterator
 
 import pytest
 
@@ -57,7 +58,15 @@ def test_workers_that_are_being_started_do_not_complain(when: str) -> None:
     assert (told.returncode, told.stderr) == (130, "")
 
 
-def test_a_signal_is_answered_at_the_end() -> None:
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Ctrl-C raises `KeyboardInterrupt`: a shell without job control lets its background jobs ignore it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_a_signal_is_answered_at_the_end(interruptible: None) -> None:
     done = []
     with pytest.raises(KeyboardInterrupt):
         with uninterrupted():
