@@ -15,7 +15,7 @@ from typing import Any
 import layoutexplore
 from layoutexplore.agents import AGENTS
 from layoutexplore.errors import ConfigError, checks_arguments, checks_calls, shortened, unknown_name
-from layoutexplore.files import read_toml
+from layoutexplore.files import naming, read_toml
 from layoutexplore.options import (
     COUNT,
     FLAG,
@@ -227,7 +227,9 @@ def simulation_of_file(path: str | os.PathLike[str], sensor: str) -> SimulationC
     else:
         given = read_benchmark_config(path)
         options = {name: given[name] for name in ("simulation", "lidars") if name in given}
-    return BenchmarkConfig(sensors=(sensor,), **options).simulation_with(sensor)
+    config = BenchmarkConfig(sensors=(sensor,), **options)
+    with naming(path, ConfigError):
+        return config.simulation_with(sensor)
 
 
 def _tables(table: dict[str, Any], path: str, inside: str = "") -> dict[str, Any]:

@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import (
     ConfigError,
+    LayoutExploreError,
     ResultsError,
     UnknownNameError,
     cause,
     checks_arguments,
     shortened,
 )
-from layoutexplore.files import ArrayRule, parse_json, read_arrays, write_arrays
+from layoutexplore.files import ArrayRule, naming, parse_json, read_arrays, write_arrays
 from layoutexplore.files.reading import shown_path
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, Walk, remembers
 from layoutexplore.grids.arrays import Ints32, shows_shapes
@@ -324,5 +325,6 @@ def load_simulation(
             "does not ship: give it as load_simulation(path, plan=...)"
         ) from None
     simulation = Simulation(floor, saved.config, predictor)
-    saved.restore(simulation)
+    with naming(Path(path), LayoutExploreError):
+        saved.restore(simulation)
     return simulation
