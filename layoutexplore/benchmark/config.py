@@ -159,10 +159,12 @@ def _poses_of(given: Any, starts: int) -> dict[str, tuple[tuple[float, float, fl
         check_kind("the floor plan of poses", name, str)
         if not isinstance(poses, (tuple, list)) or len(poses) > starts:
             raise ConfigError(
-                f"poses of {name!r} must be a list of [x, y, theta], no more than starts ({starts}), "
-                f"got {shortened(poses)}"
+                f"poses of {shortened(name)} must be a list of [x, y, theta], no more than starts "
+                f"({starts}), got {shortened(poses)}"
             )
-    poses = {name: [POSE.convert(f"a pose of {name!r}", p) for p in own] for name, own in given.items()}
+    poses = {
+        name: [POSE.convert(f"a pose of {shortened(name)}", p) for p in own] for name, own in given.items()
+    }
     return {name: tuple((float(x), float(y), float(t)) for x, y, t in own) for name, own in poses.items()}
 
 

@@ -96,11 +96,13 @@ class SavedRun:
             ResultsError: The same moves lead elsewhere: the file comes from another version.
         """
         if simulation.plan.content_hash != self.content_hash or simulation.config != self.config:
-            raise ConfigError(f"this run was saved on {self.plan!r} with another plan or configuration")
+            raise ConfigError(
+                f"this run was saved on {shortened(self.plan)} with another plan or configuration"
+            )
         if self.raster_hash not in ("", simulation.plan.raster_hash):
             raise ConfigError(
-                f"this run was saved on {self.plan!r} with another plan: one of the same geometry, whose ids "
-                "of rooms or rooms of doors are others"
+                f"this run was saved on {shortened(self.plan)} with another plan: one of the same geometry, "
+                "whose ids of rooms or rooms of doors are others"
             )
         predictor = simulation.predictor
         asks = agent is not None and remembers(agent, otherwise=True)
