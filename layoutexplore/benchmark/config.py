@@ -226,6 +226,8 @@ def simulation_of_file(path: str | os.PathLike[str], sensor: str) -> SimulationC
     table = read_toml(path)
     if isinstance(settings_of_run := table.get("settings"), dict):
         options = _tables(settings_of_run, str(path), "settings.")
+        if "simulation" not in options:
+            raise ConfigError(f"{path}: [settings.simulation] is missing: it is no whole run.toml of results")
     else:
         given = read_benchmark_config(path)
         options = {name: given[name] for name in ("simulation", "lidars") if name in given}
