@@ -346,9 +346,9 @@ def read_config(
     """
     table, where = ({}, "the flags") if path is None else (read_toml(Path(path)), str(path))
     given = {key: value for key, value in (flags or {}).items() if value is not None}
-    algorithm = given.pop("algorithm", table.pop("algorithm", DEFAULT_ALGORITHM))
+    algorithm = given.pop("algorithm", of_file := table.pop("algorithm", DEFAULT_ALGORITHM))
     if not isinstance(algorithm, str) or algorithm not in _defaults():
-        raise unknown_name("algorithm", str(algorithm)[:200], _defaults())
+        raise unknown_name("algorithm" + f" of {where}:" * (algorithm is of_file), algorithm, _defaults())
     merged = merge(_defaults()[algorithm], table, f"of {algorithm!r} in {where}")
     with blaming(None if path is None else Path(path), ConfigError, lambda: _build(algorithm, merged)):
         return _build(algorithm, merge(merged, given, f"of {algorithm!r}"))
