@@ -20,8 +20,10 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 from shapely import Polygon
+from shapely.geometry import shape as as_shape
 from shapely.geometry.base import BaseGeometry
 
+from layoutexplore.errors import shortened
 from layoutexplore.grids.arrays import Floats, Mask
 
 Point = tuple[float, float]
@@ -64,6 +66,29 @@ class NearbyPolygons:
             met = holes[np.sort(tree.query(shape))]
             parts.append(polygon if len(met) == len(holes) else Polygon(polygon.exterior, met))
         return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
+
+
+def shape_of(data: Any) -> BaseGeometry:
+    """The shape of a GeoJSON geometry; shapely alone takes flags and texts for numbers.
+
+    Raises:
+        Exception: Of any kind, as shapely does: its coordinates are no nested lists of numbers, or no shape.
+
+    Example:
+        >>> shape_of({"type": "Point", "coordinates": [1, True]})
+        Traceback (most recent call last):
+        ...
+        ValueError: a coordinate must be a number, got True
+    """
+    waiting = [data]
+    while waiting:
+        part = waiting.pop()
+        for inside in part.get("geometries") or [part["coordinates"]] if isinstance(part, dict) else part:
+            if isinstance(inside, (dict, list, tuple)):
+                waiting.append(inside)
+            elif isinstance(inside, bool) or not isinstance(inside, (int, float)):
+                raise ValueError(f"a coordinate must be a number, got {shortened(inside)}")
+    return as_shape(data)
 
 
 def valid_polygons(polygons: Any) -> list[Polygon]:
