@@ -127,7 +127,9 @@ class Nearness:
 
     def distances(self, places: Any) -> Floats:
         """Metres float64 (n,) from points object (n,), 0 inside of the shape."""
-        ways = shapely.length(shapely.shortest_line(self._border, places))
+        # GEOS divides by the square of each edge's length, heeds that this may be 0, and NumPy tells of it.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ways = shapely.length(shapely.shortest_line(self._border, places))
         return np.where(shapely.intersects(self._shape, places), 0.0, ways)
 
 
