@@ -390,3 +390,5 @@ def _check_shape(plan: FloorPlan, shape: Any, what: str, *, empty: bool) -> None
         raise MapError(f"{plan._shown}, {what}: a coordinate is not a finite number, or too large")
     if not all(polygon.is_valid for polygon in polygons_of(shape)):
         raise MapError(f"{plan._shown}, {what}: {shapely.is_valid_reason(shape)}")
+    if not (empty or shape.area > 0.0):
+        raise MapError(f"{plan._shown}, {what}: the polygon has no area")

@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 import shapely
-from shapely.geometry import mapping, shape
+from shapely.geometry import mapping
 from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapError, cause, checks_arguments, shortened
 from layoutexplore.files import is_there, read_json, write_atomically
 from layoutexplore.files.reading import shown_path
-from layoutexplore.grids.polygons import polygons_of
+from layoutexplore.grids.polygons import polygons_of, shape_of
 from layoutexplore.maps.floorplan import Door, FloorPlan, Room
 from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines
 from layoutexplore.options import check_kind
@@ -256,7 +256,7 @@ def _geometry(feature: dict[str, Any], where: str, kinds: tuple[str, ...]) -> An
         raise MapError(f"{where}: geometry must be a {' or '.join(kinds)}, got {shortened(kind)}")
     try:
         with np.errstate(invalid="ignore"):  # shapely warns about NaN; it is reported below
-            geometry = shape(data)
+            geometry = shape_of(data)
     except Exception as error:  # shapely's own, and those of coordinates that are no lists of numbers
         raise MapError(f"{where}: broken coordinates: {shortened(str(error))}") from error
     if geometry.is_empty:

@@ -20,7 +20,7 @@ from pathlib import Path
 from shapely.errors import GEOSException
 
 from layoutexplore.errors import MapError, MapWarning, cause, checks_arguments, counted, unknown_name
-from layoutexplore.files import is_there, read_json
+from layoutexplore.files import is_there, naming, read_json
 from layoutexplore.files.limits import VARIABLE, limits
 from layoutexplore.files.reading import is_file, shown_path
 from layoutexplore.files.run_folders import QUARTERLY_NAMES, RUN_MAP, WHAT_A_RUN_SAW, is_of_run
@@ -94,9 +94,10 @@ def load_plan(
     if path.is_dir() and not known:
         raise MapError(f"{path}: is a folder; name one of the floor plans inside it")
     try:
-        if known:
-            return _stretched(known.load(path, level), resolution)
-        return _loader(path, resolution, columns)(path)
+        with naming(path, MapError, lambda: source_files(text)):
+            if known:
+                return _stretched(known.load(path, level), resolution)
+            return _loader(path, resolution, columns)(path)
     except GEOSException as error:
         raise MapError(
             f"{text}: its outlines cannot be put together: {cause(error)}; look for points that are "

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from layoutexplore.errors import MapError, checks_arguments
+from layoutexplore.errors import MapError, checks_arguments, shortened
 from layoutexplore.files import read_csv
 from layoutexplore.files.images import Levels, read_levels
 from layoutexplore.files.reading import is_file
@@ -165,7 +165,8 @@ def read_scales(index: Path, names: Collection[str]) -> dict[str, float]:
         try:
             out[cells[name]] = float(cells[scale])
         except ValueError:
-            raise MapError(f"{index}: m_per_px of {cells[name]} is no number: {cells[scale]!r}") from None
+            told = shortened(cells[scale])
+            raise MapError(f"{index}: m_per_px of {cells[name]} is no number: {told}") from None
         if not RESOLUTIONS[0] <= out[cells[name]] <= RESOLUTIONS[1]:
             raise MapError(
                 f"{index}: m_per_px of {cells[name]} must be from {RESOLUTIONS[0]:g} to {RESOLUTIONS[1]:g}"

@@ -148,6 +148,8 @@ def check_overlaps(where: str, outlines: Sequence[Any]) -> None:
         where: The file, for the message.
         outlines: Polygons.
     """
+    if not outlines:
+        return
     tree = shapely.STRtree(outlines)
     boxes = len(tree.query(outlines)[0]) - len(outlines)
     check_count(where, "pairs of rooms of which the boxes overlap", boxes // 2, "vertices")

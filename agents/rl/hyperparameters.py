@@ -19,7 +19,7 @@ from layoutexplore.envs.curriculum import PlanSampler, Randomisation
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.envs.rewards import PathToMarks
 from layoutexplore.errors import ConfigError, checks_arguments, checks_making, shortened, unknown_name
-from layoutexplore.files import read_toml
+from layoutexplore.files import blaming, read_toml
 from layoutexplore.frontiers.tour_features import TourConfig
 from layoutexplore.options import SHARE, Rule, check, check_keys, check_kind, from_table, rule_like
 
@@ -338,8 +338,7 @@ def read_config(
     """The configuration of a run.
 
     Args:
-        path: A TOML file with `algorithm` and any of the keys of `agents/hyperparameters.toml`; None for
-            none.
+        path: A TOML file with `algorithm` and any keys of `agents/hyperparameters.toml`; None for none.
         flags: Top-level keys that win over the file; values of None are ignored.
 
     Raises:
@@ -347,11 +346,12 @@ def read_config(
     """
     table, where = ({}, "the flags") if path is None else (read_toml(Path(path)), str(path))
     given = {key: value for key, value in (flags or {}).items() if value is not None}
-    algorithm = given.pop("algorithm", table.pop("algorithm", DEFAULT_ALGORITHM))
+    algorithm = given.pop("algorithm", of_file := table.pop("algorithm", DEFAULT_ALGORITHM))
     if not isinstance(algorithm, str) or algorithm not in _defaults():
-        raise unknown_name("algorithm", str(algorithm)[:200], _defaults())
+        raise unknown_name("algorithm" + f" of {where}:" * (algorithm is of_file), algorithm, _defaults())
     merged = merge(_defaults()[algorithm], table, f"of {algorithm!r} in {where}")
-    return _build(algorithm, merge(merged, given, f"of {algorithm!r}"))
+    with blaming(None if path is None else Path(path), ConfigError, lambda: _build(algorithm, merged)):
+        return _build(algorithm, merge(merged, given, f"of {algorithm!r}"))
 
 
 def merge(defaults: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:

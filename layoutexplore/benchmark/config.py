@@ -15,7 +15,7 @@ from typing import Any
 import layoutexplore
 from layoutexplore.agents import AGENTS
 from layoutexplore.errors import ConfigError, checks_arguments, checks_calls, shortened, unknown_name
-from layoutexplore.files import read_toml
+from layoutexplore.files import naming, read_toml
 from layoutexplore.options import (
     COUNT,
     FLAG,
@@ -159,10 +159,12 @@ def _poses_of(given: Any, starts: int) -> dict[str, tuple[tuple[float, float, fl
         check_kind("the floor plan of poses", name, str)
         if not isinstance(poses, (tuple, list)) or len(poses) > starts:
             raise ConfigError(
-                f"poses of {name!r} must be a list of [x, y, theta], no more than starts ({starts}), "
-                f"got {shortened(poses)}"
+                f"poses of {shortened(name)} must be a list of [x, y, theta], no more than starts "
+                f"({starts}), got {shortened(poses)}"
             )
-    poses = {name: [POSE.convert(f"a pose of {name!r}", p) for p in own] for name, own in given.items()}
+    poses = {
+        name: [POSE.convert(f"a pose of {shortened(name)}", p) for p in own] for name, own in given.items()
+    }
     return {name: tuple((float(x), float(y), float(t)) for x, y, t in own) for name, own in poses.items()}
 
 
@@ -224,10 +226,14 @@ def simulation_of_file(path: str | os.PathLike[str], sensor: str) -> SimulationC
     table = read_toml(path)
     if isinstance(settings_of_run := table.get("settings"), dict):
         options = _tables(settings_of_run, str(path), "settings.")
+        if "simulation" not in options:
+            raise ConfigError(f"{path}: [settings.simulation] is missing: it is no whole run.toml of results")
     else:
         given = read_benchmark_config(path)
         options = {name: given[name] for name in ("simulation", "lidars") if name in given}
-    return BenchmarkConfig(sensors=(sensor,), **options).simulation_with(sensor)
+    config = BenchmarkConfig(sensors=(sensor,), **options)
+    with naming(path, ConfigError):
+        return config.simulation_with(sensor)
 
 
 def _tables(table: dict[str, Any], path: str, inside: str = "") -> dict[str, Any]:

@@ -16,7 +16,7 @@ from layoutexplore.benchmark.config import BASELINE, BenchmarkConfig, read_bench
 from layoutexplore.benchmark.manifest import manifest_of
 from layoutexplore.benchmark.plans import PlanEntry, entry
 from layoutexplore.errors import ConfigError, ResultsError, checks_arguments, unknown_name
-from layoutexplore.files import read_toml, to_toml
+from layoutexplore.files import naming, read_toml, to_toml
 from layoutexplore.maps.library import find_plans
 
 SUITES = {"v1": "fe1064b791c445c1"}
@@ -115,7 +115,10 @@ def load_suite(name: str | os.PathLike[str]) -> Suite:
     options = read_benchmark_config(Path(name))
     if other := sorted(set(options) - set(_DECIDED)):
         raise ConfigError(f"{name} is no suite: it decides {', '.join(other)}, which differ from run to run")
-    return Suite(name, options, read_toml(Path(name)))
+    found = Suite(name, options, read_toml(Path(name)))
+    with naming(Path(name), ConfigError):
+        found.config()
+    return found
 
 
 @checks_arguments

@@ -164,17 +164,20 @@ def _settings(
     """What is run: the file's options, those given above them, None for what was not; limits in any case."""
     from layoutexplore.benchmark.config import QUICK_AGENTS, BenchmarkConfig, read_benchmark_config
     from layoutexplore.benchmark.suite import load_suite
+    from layoutexplore.errors import ConfigError
+    from layoutexplore.files import blaming
     from layoutexplore.simulation.config import SimulationConfig
 
-    options = read_benchmark_config(config) if config else {}
-    options |= {name: value for name, value in given.items() if value is not None}
+    of_file = read_benchmark_config(config) if config else {}
+    options = of_file | {name: value for name, value in given.items() if value is not None}
     if noise:
         simulation = options.get("simulation", SimulationConfig())
         options["simulation"] = dataclasses.replace(simulation, noise=noise)
-    if suite:
-        settings = load_suite(suite).config(tuple(options.pop("agents", QUICK_AGENTS)), **options)
-    else:
-        settings = BenchmarkConfig(**options)
+    with blaming(config, ConfigError, lambda: BenchmarkConfig(**of_file)):
+        if suite:
+            settings = load_suite(suite).config(tuple(options.pop("agents", QUICK_AGENTS)), **options)
+        else:
+            settings = BenchmarkConfig(**options)
     return dataclasses.replace(settings, **{k: v for k, v in limits.items() if v is not None})
 
 

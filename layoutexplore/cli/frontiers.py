@@ -62,8 +62,8 @@ def show_frontiers(
     closed where it leads to no more than the rest of such a room, and open where it leads on.
     """
     from layoutexplore.agents import make_agent
-    from layoutexplore.errors import ConfigError
-    from layoutexplore.files import check_places
+    from layoutexplore.errors import ConfigError, LayoutExploreError
+    from layoutexplore.files import check_places, naming
     from layoutexplore.frontiers.decision import Privileged, predictor_of
     from layoutexplore.importing.pictures import picture_config, read_picture
     from layoutexplore.predictors.robot_map import RobotMap
@@ -80,7 +80,8 @@ def show_frontiers(
         raise ConfigError(f"{agent} goes by the true floor plan, which no map of a robot tells")
     robot_map = RobotMap(predictor_of(chosen), sensor=sensor, robot_radius=robot_radius)
     grid = read_picture(source, config)
-    decision = robot_map.decide(grid, _place(grid, at))
+    with naming(source, LayoutExploreError):
+        decision = robot_map.decide(grid, _place(grid, at))
     choice = _answer(chosen, decision)
     way = robot_map.way(decision, choice)
     written = [] if out is None else _write(out / source.stem, decision, choice, way)

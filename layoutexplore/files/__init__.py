@@ -10,7 +10,7 @@ from layoutexplore.files.documents import parse_json, parse_toml, read_json, rea
 from layoutexplore.files.limits import limits
 from layoutexplore.files.names import safe_name
 from layoutexplore.files.outputs import check_file, check_kept, check_places
-from layoutexplore.files.reading import fingerprint, is_there, read_bytes, read_text
+from layoutexplore.files.reading import blaming, fingerprint, is_there, naming, read_bytes, read_text
 from layoutexplore.files.tables import parse_csv, read_csv, write_csv
 from layoutexplore.files.writing import (
     all_or_none,
@@ -27,6 +27,7 @@ __all__ = [
     "ArrayRule",
     "all_or_none",
     "atomic",
+    "blaming",
     "check_file",
     "check_kept",
     "check_places",
@@ -36,6 +37,7 @@ __all__ = [
     "is_there",
     "is_whole",
     "limits",
+    "naming",
     "parse_csv",
     "parse_json",
     "parse_toml",

@@ -138,6 +138,15 @@ def _png(data: bytes) -> tuple[int, int]:
     width, height = struct.unpack_from(">II", data, 16)
     if data[12:16] != b"IHDR":
         raise ValueError
+    # A decoder asks for the memory that a chunk declares, up to 4 GB, before it looks whether that is there.
+    place = 8
+    while place + 12 <= len(data):
+        size, kind = struct.unpack_from(">I4s", data, place)
+        place += 12 + size
+        if place > len(data):
+            raise ValueError
+        if kind == b"IEND":
+            break
     return width, height
 
 

@@ -6,7 +6,8 @@ import dataclasses
 import hashlib
 import os
 import stat
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from layoutexplore.errors import LayoutExploreError, checks_arguments, shortened, unknown_name
@@ -107,6 +108,46 @@ def shown_path(path: Path) -> str:
     """A path as it can be printed, whatever characters it has."""
     text = str(path)
     return text if text.isprintable() and len(text) < 500 else shortened(text)
+
+
+@contextmanager
+def naming(path: Path, error: Kind, besides: Callable[[], Iterable[Path]] = tuple) -> Iterator[None]:
+    """Errors that are raised within name the file: what checks its values does not know where they are from.
+
+    Args:
+        path: The file.
+        error: The class of errors that are to name it; others pass as they are.
+        besides: Other files that are read; an error that names one of them stays as it is.
+    """
+    try:
+        yield
+    except error as problem:
+        text = str(problem)
+        if _is_named(path, text) or any(_is_named(one, text) for one in besides()):
+            raise
+        raise type(problem)(f"{shown_path(path)}: {text}") from problem
+
+
+@contextmanager
+def blaming(path: Path | None, error: Kind, alone: Callable[[], object]) -> Iterator[None]:
+    """Errors that are raised within name the file where it is wrong without what was given beside it, too.
+
+    Args:
+        path: The file; None where there is none.
+        error: The class of the errors.
+        alone: Does the same with the file alone.
+    """
+    try:
+        yield
+    except error:
+        if path is not None:
+            with naming(path, error):
+                alone()
+        raise
+
+
+def _is_named(path: Path, text: str) -> bool:
+    return str(path) in text or shown_path(path) in text
 
 
 @checks_arguments

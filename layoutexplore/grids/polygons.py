@@ -20,8 +20,10 @@ import shapely
 from numba import njit
 from numpy.typing import NDArray
 from shapely import Polygon
+from shapely.geometry import shape as as_shape
 from shapely.geometry.base import BaseGeometry
 
+from layoutexplore.errors import shortened
 from layoutexplore.grids.arrays import Floats, Mask
 
 Point = tuple[float, float]
@@ -66,6 +68,29 @@ class NearbyPolygons:
         return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)
 
 
+def shape_of(data: Any) -> BaseGeometry:
+    """The shape of a GeoJSON geometry; shapely alone takes flags and texts for numbers.
+
+    Raises:
+        Exception: Of any kind, as shapely does: its coordinates are no nested lists of numbers, or no shape.
+
+    Example:
+        >>> shape_of({"type": "Point", "coordinates": [1, True]})
+        Traceback (most recent call last):
+        ...
+        ValueError: a coordinate must be a number, got True
+    """
+    waiting = [data]
+    while waiting:
+        part = waiting.pop()
+        for inside in part.get("geometries") or [part["coordinates"]] if isinstance(part, dict) else part:
+            if isinstance(inside, (dict, list, tuple)):
+                waiting.append(inside)
+            elif isinstance(inside, bool) or not isinstance(inside, (int, float)):
+                raise ValueError(f"a coordinate must be a number, got {shortened(inside)}")
+    return as_shape(data)
+
+
 def valid_polygons(polygons: Any) -> list[Polygon]:
     """Polygons object (k,), each whose boundary crosses or touches itself replaced by its largest valid part.
 
@@ -102,7 +127,9 @@ class Nearness:
 
     def distances(self, places: Any) -> Floats:
         """Metres float64 (n,) from points object (n,), 0 inside of the shape."""
-        ways = shapely.length(shapely.shortest_line(self._border, places))
+        # GEOS divides by the square of each edge's length, heeds that this may be 0, and NumPy tells of it.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ways = shapely.length(shapely.shortest_line(self._border, places))
         return np.where(shapely.intersects(self._shape, places), 0.0, ways)
 
 

@@ -265,23 +265,23 @@ def _parse(path: Path, image_anywhere: bool) -> _RosMap:
     mode = mode.lower() if isinstance(mode, str) else mode  # as nav2 takes it
     if mode not in MODES:
         raise MapError(f"{path}: mode must be one of {', '.join(MODES)}, got {shortened(mode)}")
+    x, y = (_number(value, "origin", path) for value in origin[:2])
+    negate = _number(data.get("negate", 0), "negate", path, flag=True)
+    if negate not in (0, 1):
+        raise MapError(f"{path}: negate must be 0 or 1, got {shortened(data['negate'])}")
     entries = _RosMap(
         image=_find_image(path, str(data["image"]), image_anywhere),
         resolution=_number(data["resolution"], "resolution", path),
-        origin=Pose(
-            _number(origin[0], "origin", path), _number(origin[1], "origin", path), _yaw(origin[2], path)
-        ),
-        negate=bool(_number(data.get("negate", 0), "negate", path)),
+        origin=Pose(x, y, _yaw(origin[2], path)),
+        negate=bool(negate),
         occupied_thresh=_number(data.get("occupied_thresh", _OCCUPIED_THRESHOLD), "occupied_thresh", path),
         free_thresh=_number(data.get("free_thresh", _FREE_THRESHOLD), "free_thresh", path),
         mode=mode,
     )
-    if entries.resolution <= 0:
-        raise MapError(f"{path}: resolution must be above 0, got {entries.resolution:g}")
     if not RESOLUTIONS[0] <= entries.resolution <= RESOLUTIONS[1]:
         raise MapError(
-            f"{path}: resolution must be from {RESOLUTIONS[0]:g} to {RESOLUTIONS[1]:g} metres a pixel, "
-            f"got {entries.resolution:g}"
+            f"{path}: resolution must be above 0, from {RESOLUTIONS[0]:g} to {RESOLUTIONS[1]:g} metres a "
+            f"pixel, got {entries.resolution:g}"
         )
     if not 0 <= entries.free_thresh < entries.occupied_thresh <= 1:
         raise MapError(f"{path}: needs 0 <= free_thresh < occupied_thresh <= 1")
@@ -296,13 +296,15 @@ def _yaw(value: Any, path: Path) -> float:
     return _number(value, "origin", path)
 
 
-def _number(value: Any, name: str, path: Path) -> float:
+def _number(value: Any, name: str, path: Path, *, flag: bool = False) -> float:
     try:
-        number = float(value)
+        number = math.nan if isinstance(value, bool) and not flag else float(value)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not abs(number) <= MOST_METRES:
-        raise MapError(f"{path}: {name} must be a finite number, got {shortened(value)}")
+        raise MapError(
+            f"{path}: {name} must be a finite number up to {MOST_METRES:g}, got {shortened(value)}"
+        )
     return number
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import MapError, checks_arguments
+from layoutexplore.files import naming
 from layoutexplore.grids.arrays import Ints32, Labels, shows_shapes
 from layoutexplore.grids.components import split_labels
 from layoutexplore.grids.flood import spread_in_place
@@ -69,7 +70,8 @@ def import_building(
     metadata = {"format": "image" if path.suffix.lower() in IMAGE_SUFFIXES else "ROS map"}
     if path.suffix.lower() in IMAGE_SUFFIXES:
         metadata["scale"] = said_scale(config.resolution)
-    return building_from_grid(grid, name=path.stem, method=method, metadata=metadata)
+    with naming(path, MapError):
+        return building_from_grid(grid, name=path.stem, method=method, metadata=metadata)
 
 
 @checks_arguments

@@ -14,6 +14,9 @@ from layoutexplore.models.quickscorer import LeafMasks, leaf_masks, log_odds_by_
 _MANY = 8
 """Samples from which on masks are quicker than descending the trees."""
 
+SURE = 700.0
+"""Log-odds that are as good as certain: the exponential function of larger ones is not finite."""
+
 Numbers = tuple[
     NDArray[np.uint32], NDArray[np.float64], NDArray[np.uint32], NDArray[np.uint32], NDArray[np.int64], float
 ]
@@ -54,7 +57,7 @@ class Forest:
 
     def probability(self, samples: NDArray[np.floating]) -> NDArray[np.float64]:
         """The logistic function of the score, float64 (n,)."""
-        return np.asarray(1.0 / (1.0 + np.exp(-self.score(samples))))
+        return np.asarray(1.0 / (1.0 + np.exp(-np.clip(self.score(samples), -SURE, SURE))))
 
     @cached_property
     def masks(self) -> LeafMasks | None:

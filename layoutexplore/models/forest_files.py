@@ -110,8 +110,11 @@ class ForestKind:
         return load_forests(path or self.shipped, self.features, (self.name,), double=True)[self.name]
 
 
+MOST_VALUE = 1e6
+"""What a tree says, log-odds or logarithms as a rule, is below 10; sums of far larger ones mean nothing."""
+
 _NODE = Items(Number(), 1, 4)
-_FOREST = Record({"bias": Number(), "trees": Items(Items(_NODE, 1))})
+_FOREST = Record({"bias": Number(low=-MOST_VALUE, high=MOST_VALUE), "trees": Items(Items(_NODE, 1))})
 _MODEL = Record({"features": Items(Text()), "forests": TableOf(_FOREST)})
 """What a file of trees must hold."""
 
@@ -145,6 +148,10 @@ def _forest(data: dict[str, Any], features: int, double: bool) -> Forest:
     wrong = np.flatnonzero(~plain | splits & ~((feature >= 0) & (feature < features) & after[0] & after[1]))
     if wrong.size:
         raise ValueError(f"node {place[wrong[0]]} of tree {tree[wrong[0]] + 1} leads nowhere")
+    large = np.flatnonzero(~splits & (np.abs(threshold) > MOST_VALUE))
+    if large.size:
+        k = large[0]
+        raise ValueError(f"node {place[k]} of tree {tree[k] + 1} says {threshold[k]:.3g}, far too much")
     left, right = (np.where(splits, child + roots[tree], 0).astype(np.int32) for child in children)
     parents = np.bincount(np.concatenate([left[splits], right[splits]]), minlength=len(nodes))
     wrong = np.flatnonzero(parents != (place > 0))

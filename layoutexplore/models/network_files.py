@@ -11,7 +11,7 @@ import numpy as np
 import safetensors.numpy
 from numpy.typing import NDArray
 
-from layoutexplore.errors import ConfigError, checks_arguments
+from layoutexplore.errors import ConfigError, checks_arguments, shortened
 from layoutexplore.files import write_atomically
 from layoutexplore.files.tensors import check_shapes, read_tensors
 
@@ -20,6 +20,10 @@ Layers = Mapping[str, tuple[int, int, int, int]]
 
 Weights = Mapping[str, NDArray[np.floating]]
 """By name: "LAYER.weight" (side * side * channels in, channels out) and "LAYER.bias" (channels out,)."""
+
+
+MOST_WEIGHT = 1e4
+"""Weights of trained networks are below 200; with far larger ones no sum is finite."""
 
 
 def shapes_of(layers: Layers) -> dict[str, tuple[int, ...]]:
@@ -80,6 +84,12 @@ def load_weights(
 @lru_cache(maxsize=16)
 def _read(path: Path, what: str, _changed: int) -> Mapping[str, NDArray[np.float32]]:
     weights, _ = read_tensors(path, error=ConfigError, what=what)
+    for name, values in weights.items():
+        if values.dtype.kind == "f" and values.size and (most := float(np.abs(values).max())) > MOST_WEIGHT:
+            raise ConfigError(
+                f"{path}: {shortened(name)} holds {most:.3g}, and no weight of a {what} is above "
+                f"{MOST_WEIGHT:g}: train it again"
+            )
     return MappingProxyType(
         {name: np.ascontiguousarray(values, np.float32) for name, values in weights.items()}
     )

@@ -99,7 +99,8 @@ def files_imported(code: CodeType, here: Path, bases: Iterable[Path], folder: Pa
 
 def _imports(code: CodeType) -> Iterator[tuple[str, tuple[str, ...], int]]:
     """By import in code: the module, what is taken from it, how far up it begins."""
-    steps = [step for step in dis.get_instructions(code) if step.opname != "EXTENDED_ARG"]
+    shown = code.replace(co_consts=tuple(map(_showable, code.co_consts)))
+    steps = [step for step in dis.get_instructions(shown) if step.opname != "EXTENDED_ARG"]
     for level, names, step in zip(steps, steps[1:], steps[2:], strict=False):
         if step.opname != "IMPORT_NAME":
             continue
@@ -146,3 +147,12 @@ def home_of(value: Any) -> str:
 
 def _is_installed(path: Path) -> bool:
     return "site-packages" in path.parts or "site-packages" in path.resolve().parts
+
+
+def _showable(constant: object) -> object:
+    """A constant of code, None in the place of a number of too many digits: `dis` writes all of them out."""
+    try:
+        repr(constant)
+    except ValueError:
+        return None
+    return constant

@@ -33,7 +33,7 @@ from layoutexplore.grids.arrays import Floats, Floats32, Ints32
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.layout.alignment import turn_back
 from layoutexplore.layout.doorways import Regions
-from layoutexplore.models.forest import Forest
+from layoutexplore.models.forest import SURE, Forest
 from layoutexplore.models.forest_files import load_forests
 from layoutexplore.models.network_files import load_weights, shapes_of
 from layoutexplore.options import Rule, format_value
@@ -86,6 +86,9 @@ ROOM_SHARE, FRONTIER_SHARE = 0.6, 0.5
 
 FORESIGHT_CONFIDENCE = 0.6
 """Told of the completed map: it is right about five cells in six near what is known (MODEL_CARD.md)."""
+
+_VAST = 20.0
+"""The logarithm of more square metres than any building has."""
 
 DOUBT = 1.0
 """The network scores frontiers whose log-odds by the trees are as near as this to a change of class."""
@@ -277,8 +280,8 @@ def classify(scores: Floats, rooms: Ints32) -> tuple[FrontierClasses, Floats]:
         scores: float64 (3, k), as of `score_frontiers`.
         rooms: int32 (k,), the room that each frontier lies in.
     """
-    closed, leftover = 1.0 / (1.0 + np.exp(-scores[:2]))
-    closed, area = np.maximum(closed, leftover), np.maximum(np.expm1(scores[2]), 0.0)
+    closed, leftover = 1.0 / (1.0 + np.exp(-np.clip(scores[:2], -SURE, SURE)))
+    closed, area = np.maximum(closed, leftover), np.maximum(np.expm1(np.minimum(scores[2], _VAST)), 0.0)
     area = np.where(
         leftover > 0.5, np.minimum(area, math.nextafter(LITTLE_LEFT, 0.0)), np.maximum(area, LITTLE_LEFT)
     )
@@ -312,4 +315,4 @@ def agreed(probability: Floats, log_odds: NDArray[np.floating]) -> Floats:
     """
     sure = np.clip(probability, 1e-5, 1.0 - 1e-5)
     mean = (1.0 - ROOM_SHARE) * np.log(sure / (1.0 - sure)) + ROOM_SHARE * log_odds
-    return np.asarray(1.0 / (1.0 + np.exp(-mean)), np.float64)
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(mean, -SURE, SURE))), np.float64)

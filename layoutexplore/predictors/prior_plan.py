@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, checks_calls, checks_making, unknown_name
+from layoutexplore.errors import ConfigError, checks_calls, checks_making, shortened, unknown_name
 from layoutexplore.frontiers.classes import classify_frontiers
 from layoutexplore.frontiers.decision import Decision, Truth
 from layoutexplore.frontiers.foresight import Foresight
@@ -274,7 +274,7 @@ def predictor_of_prior(text: str) -> PriorPredictor:
     source, *items = (item.strip() for item in text.split(";"))
     if not source:
         raise ConfigError("prior: name a file, or one of " + ", ".join(PRESETS))
-    where = f"predictor prior:{text}"
+    where = f"predictor {shortened(f'prior:{text}')}"
     values: dict[str, Any] = dict(split_pairs(where, items))
     known = ("among", "sure", *HINTS)
     for key in values:
@@ -289,12 +289,12 @@ def predictor_of_prior(text: str) -> PriorPredictor:
     if "mirror" in values:
         words = {"yes": True, "no": False}
         if values["mirror"] not in words:
-            raise ConfigError(f"{where}: mirror is yes or no, got {values['mirror']!r}")
+            raise ConfigError(f"{where}: mirror is yes or no, got {shortened(values['mirror'])}")
         given["mirror"] = words[values["mirror"]]
     if "here" in values:
         parts = [_number(where, "here", part) for part in values["here"].split("/")]
         if len(parts) != 2:
-            raise ConfigError(f"{where}: here is X/Y, a point of the plan, got {values['here']!r}")
+            raise ConfigError(f"{where}: here is X/Y, a point of the plan, got {shortened(values['here'])}")
         given["here"] = (parts[0], parts[1])
     found = PriorPredictor(source, PriorHints(**given), among=values.get("among", ""), sure=sure)
     found.name = f"prior:{text}"
@@ -307,5 +307,5 @@ def _number(where: str, key: str, text: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ConfigError(f"{where}: {key} must be a number, got {text!r}")
+        raise ConfigError(f"{where}: {key} must be a number, got {shortened(text)}")
     return value

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 
 from layoutexplore.errors import MapError, MapWarning, MissingExtraError, checks_arguments
+from layoutexplore.files import naming
 from layoutexplore.files.images import read_pixels
 from layoutexplore.files.reading import is_file, is_there
 from layoutexplore.grids.arrays import Bytes, Mask
@@ -98,7 +99,8 @@ def read_prior(path: str | os.PathLike[str], hints: PriorHints | None = None) ->
         except MapError as error:
             raise MapError(f"{place}: {error}") from error
     plan = load_plan(path)
-    prior = prior_of_plan(plan, hints)
+    with naming(place, MapError):
+        prior = prior_of_plan(plan, hints)
     reason = prior.unused
     if reason and place.suffix.lower() in YAML_SUFFIXES and not shows_rooms(path):
         reason += f"; `layoutexplore maps import {place} --out PLAN.geojson` makes a plan with rooms of it"

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from layoutexplore.errors import ConfigError, checks_arguments, shortened
-from layoutexplore.files import read_json
+from layoutexplore.files import naming, read_json
 from layoutexplore.frontiers.detection import FrontierClusters
 from layoutexplore.grids.arrays import Mask
 from layoutexplore.grids.polygons import fill, polygons_of
@@ -94,7 +94,8 @@ def _from_file(path: Path) -> Region:
             f"{path}: a region is one polygon without holes, got {len(polygons)} polygons"
             + (" with holes" if any(polygon.interiors for polygon in polygons) else "")
         )
-    region = check_region([list(corner[:2]) for corner in polygons[0].exterior.coords[:-1]])
+    with naming(path, ConfigError):
+        region = check_region([list(corner[:2]) for corner in polygons[0].exterior.coords[:-1]])
     assert region is not None
     return region
 

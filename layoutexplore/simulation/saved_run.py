@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 
 from layoutexplore.errors import (
     ConfigError,
+    LayoutExploreError,
     ResultsError,
     UnknownNameError,
     cause,
     checks_arguments,
     shortened,
 )
-from layoutexplore.files import ArrayRule, parse_json, read_arrays, write_arrays
+from layoutexplore.files import ArrayRule, naming, parse_json, read_arrays, write_arrays
 from layoutexplore.files.reading import shown_path
 from layoutexplore.frontiers.decision import Agent, Choice, Decision, Predictor, Privileged, Walk, remembers
 from layoutexplore.grids.arrays import Ints32, shows_shapes
@@ -95,11 +96,13 @@ class SavedRun:
             ResultsError: The same moves lead elsewhere: the file comes from another version.
         """
         if simulation.plan.content_hash != self.content_hash or simulation.config != self.config:
-            raise ConfigError(f"this run was saved on {self.plan!r} with another plan or configuration")
+            raise ConfigError(
+                f"this run was saved on {shortened(self.plan)} with another plan or configuration"
+            )
         if self.raster_hash not in ("", simulation.plan.raster_hash):
             raise ConfigError(
-                f"this run was saved on {self.plan!r} with another plan: one of the same geometry, whose ids "
-                "of rooms or rooms of doors are others"
+                f"this run was saved on {shortened(self.plan)} with another plan: one of the same geometry, "
+                "whose ids of rooms or rooms of doors are others"
             )
         predictor = simulation.predictor
         asks = agent is not None and remembers(agent, otherwise=True)
@@ -324,5 +327,6 @@ def load_simulation(
             "does not ship: give it as load_simulation(path, plan=...)"
         ) from None
     simulation = Simulation(floor, saved.config, predictor)
-    saved.restore(simulation)
+    with naming(Path(path), LayoutExploreError):
+        saved.restore(simulation)
     return simulation

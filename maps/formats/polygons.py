@@ -10,11 +10,10 @@ from typing import Any
 import numpy as np
 import shapely
 from shapely import Polygon
-from shapely.geometry import shape as as_shape
 from shapely.geometry.base import BaseGeometry
 
 from layoutexplore.errors import MapWarning, checks_arguments
-from layoutexplore.grids.polygons import polygons_of
+from layoutexplore.grids.polygons import polygons_of, shape_of
 from layoutexplore.maps.sizes import MOST_METRES, check_count, check_outlines
 
 LEAST_AREA = 0.05
@@ -68,7 +67,7 @@ def geometry_of(feature: Any) -> BaseGeometry:
     """
     try:
         with np.errstate(invalid="ignore"):  # shapely warns about NaN; without it there is no geometry
-            whole: BaseGeometry = shapely.force_2d(as_shape(feature["geometry"]))
+            whole: BaseGeometry = shapely.force_2d(shape_of(feature["geometry"]))
     except Exception:  # whatever shapely, GEOS and NumPy say of coordinates that are none
         return Polygon()
     return whole if (np.abs(shapely.get_coordinates(whole)) <= MOST_METRES).all() else Polygon()

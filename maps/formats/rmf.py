@@ -130,6 +130,13 @@ def _listed(entries: dict[str, Any], key: str, where: str) -> list[Any]:
     return found
 
 
+def _number(value: Any) -> float:
+    """A number, which YAML may have read as a text (1e3); a flag is none."""
+    if isinstance(value, bool):
+        raise TypeError
+    return float(value)
+
+
 def _vertices(entries: dict[str, Any], where: str) -> Floats:
     """Float64 (n, 2) in pixels.
 
@@ -138,7 +145,7 @@ def _vertices(entries: dict[str, Any], where: str) -> Floats:
     """
     try:
         listed = _listed(entries, "vertices", where)
-        points = np.array([[float(v[0]), float(v[1])] for v in listed]).reshape(-1, 2)
+        points = np.array([[_number(v[0]), _number(v[1])] for v in listed]).reshape(-1, 2)
     except (TypeError, ValueError, IndexError, KeyError, OverflowError):
         points = np.full((1, 2), math.nan)
     if not (np.abs(points) <= MOST_METRES).all():
@@ -158,7 +165,7 @@ def _scale(entries: dict[str, Any], where: str) -> float:
     for measurement in _listed(entries, "measurements", where):
         try:
             a, b, said = measurement[0], measurement[1], measurement[2]["distance"]
-            metres = float(said[1] if isinstance(said, list) else said)
+            metres = _number(said[1] if isinstance(said, list) else said)
             scale = metres / math.dist(points[a], points[b])
         except (TypeError, ValueError, IndexError, KeyError, OverflowError, ZeroDivisionError):
             continue
@@ -196,7 +203,7 @@ def _fiducials(entries: dict[str, Any], where: str) -> dict[str, tuple[float, fl
     found = {}
     for each in _listed(entries, "fiducials", where):
         try:
-            place = float(each[0]), float(each[1])
+            place = _number(each[0]), _number(each[1])
             if all(abs(value) <= MOST_METRES for value in place):
                 found[str(each[2])[:100]] = place
         except (TypeError, ValueError, IndexError, KeyError, OverflowError):

@@ -131,6 +131,13 @@ def test_settings_that_are_no_tables_are_named(tmp_path: Path, inside: str, key:
         simulation_of_file(path, "stage")
 
 
+def test_a_run_toml_that_is_cut_off_is_not_taken_for_one_of_defaults(tmp_path: Path) -> None:
+    path = tmp_path / "run.toml"
+    path.write_text("version = '0.2.0'\n[settings]\nseed = 0\n")
+    with pytest.raises(ConfigError, match=r"run\.toml: \[settings\.simulation\] is missing"):
+        simulation_of_file(path, "stage")
+
+
 def test_many_plans_are_compared_soon() -> None:
     names = [f"office:{seed}" for seed in range(100_000)]
     assert len(BenchmarkConfig(plans=names).plans) == 100_000

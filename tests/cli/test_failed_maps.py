@@ -109,3 +109,10 @@ def test_a_study_of_no_usable_map_ends_with_what_is_wrong(maps: Path) -> None:
     (maps / "barn_gt.png").unlink(), (maps / "mill_gt.png").unlink()
     result = evaluate("segmentation", maps, "-m", "doorways")
     assert isinstance(result.exception, MapError) and "unpainted_gt.png: no room" in str(result.exception)
+
+
+def test_a_folder_without_maps_is_named(tmp_path: Path) -> None:
+    (tmp_path / "barn_gt.png").touch()
+    for study in ("clutter", "segmentation"):
+        result = evaluate(study, tmp_path)
+        assert isinstance(result.exception, MapError) and f"{tmp_path}: no map" in str(result.exception)

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -119,3 +120,12 @@ def test_what_makes_no_sense_is_refused(half_seen: tuple[Path, str]) -> None:
         call("floor.geojson")
     with pytest.raises(StartError, match="not on its map"):
         call(path, "--at", "1000,0")
+
+
+def test_a_map_without_floor_is_named(tmp_path: Path) -> None:
+    for level, error, said in ((0, MapError, "no cell of the robot's map"), (254, StartError, "no room at")):
+        cells = np.zeros((9, 9), np.uint8)
+        cells[4, 4] = level
+        cv2.imwrite(str(tmp_path / "dark.png"), cells)
+        with pytest.raises(error, match=rf"dark\.png: .*{said}"):
+            call(str(tmp_path / "dark.png"))

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from layoutexplore.errors import MapError
 from layoutexplore.files.images import declared_size, read_levels, read_pixels
 
 MARK = np.zeros((20, 30), np.uint8)
@@ -65,3 +66,20 @@ def test_headers_of_blanks_and_remarks_take_no_time() -> None:
 def test_a_text_of_grey_levels_may_end_with_its_last_number(tmp_path: Path, end: bytes) -> None:
     (tmp_path / "map.pgm").write_bytes(b"P2\n3 1\n255\n0 205 254" + end)
     assert read_pixels(tmp_path / "map.pgm").tolist() == [[0, 205, 254]]
+
+
+@pytest.mark.parametrize("kind", [b"IDAT", b"PLTE", b"tEXt"])
+def test_no_memory_is_asked_for_chunks_that_are_longer_than_their_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: bytes
+) -> None:
+    data = cv2.imencode(".png", MARK)[1].tobytes()
+    place = data.index(b"IDAT") - 4
+    path = tmp_path / "map.png"
+    for size in (2**32 - 1, 2**31 - 1, len(data)):
+        path.write_bytes(data[:place] + size.to_bytes(4, "big") + kind + data[place + 8 :])
+        monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("is decoded"))
+        with pytest.raises(MapError, match=r"map\.png: not an image, or a damaged one"):
+            read_pixels(path)
+    monkeypatch.undo()
+    path.write_bytes(data + b"what follows the end of an image")
+    np.testing.assert_array_equal(read_pixels(path), MARK)

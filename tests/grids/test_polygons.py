@@ -244,3 +244,10 @@ def test_nearness_is_the_distance_that_shapely_measures(
     for shape in (room, room.exterior):
         expected = shapely.distance(shape, points)
         np.testing.assert_allclose(Nearness(shape).distances(points), expected, atol=1e-9)
+
+
+def test_corners_hardly_apart_are_no_fault_of_numbers() -> None:
+    room = shapely.Polygon([(4, 1e-300), (4, 3), (0, 3), (0, 0), (4, 0)])
+    with np.errstate(divide="raise", invalid="raise"):
+        away = Nearness(room).distances(shapely.points([(4.1, 1.0), (4.1, 0.0), (1.0, 1.0)]))
+    np.testing.assert_allclose(away, [0.1, 0.1, 0.0], atol=1e-12)

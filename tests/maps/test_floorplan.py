@@ -191,6 +191,10 @@ def test_plans_travel_to_other_processes() -> None:
             {"rooms": (Room(id=1, polygon=Polygon()), Room(id=2, polygon=shapely.box(0, 0, 1, 1)))},
             "room 1: the polygon is empty",
         ),
+        (
+            {"rooms": (Room(id=1, polygon=shapely.box(0, 0, 1e-300, 1e-300)),)},
+            "room 1: the polygon has no area",
+        ),
         ({"walls": Polygon([(0, 0), (2, 2), (2, 0), (0, 2)])}, "walls: Self-intersection"),
         ({"furniture": LineString([(0, 0), (1, 1)])}, "furniture: must be polygons"),
         ({"walls": NOT_FINITE}, "walls: a coordinate is not a finite number"),

@@ -121,6 +121,14 @@ ROOM = feature("room", SQUARE, id=1)
             geojson(feature("room", {"type": "Polygon", "coordinates": [[[0, 0], [1, 1]]]}, id=1)),
             "broken coordinates",
         ),
+        (
+            geojson(feature("room", {"type": "Polygon", "coordinates": [[[0, 0], [True, 0], [1, 1]]]}, id=1)),
+            "broken coordinates: 'a coordinate must be a number, got True'",
+        ),
+        (
+            geojson(feature("room", {"type": "Polygon", "coordinates": [[[0, 0], ["7", 0], [1, 1]]]}, id=1)),
+            "broken coordinates: .*got '7'",
+        ),
         (geojson(feature("room", {"type": "Polygon", "coordinates": "abc"}, id=1)), "broken coordinates"),
         (
             geojson(

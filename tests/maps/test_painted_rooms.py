@@ -10,7 +10,7 @@ import pytest
 
 from layoutexplore.errors import MapError
 from layoutexplore.evaluation.segmentation import score_case
-from layoutexplore.maps.painted_rooms import find_cases, read_case
+from layoutexplore.maps.painted_rooms import find_cases, read_case, read_scales
 
 
 def paint(folder: Path, name: str, wall: int = 40, free: int = 254) -> None:
@@ -86,3 +86,10 @@ def test_a_truth_of_16_bit_holds_numbers_of_rooms(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "flat_gt.png"), np.zeros(truth.shape, np.uint16))
     with pytest.raises(MapError, match="no room is painted"):
         read_case(find_cases([tmp_path])[0], 0.05)
+
+
+def test_a_scale_that_is_none_is_told_shortly(tmp_path: Path) -> None:
+    (tmp_path / "index.csv").write_text(f"file,m_per_px\nmap.png,0x{'f' * 9000}\n")
+    with pytest.raises(MapError, match=r"index\.csv: m_per_px of map\.png is no number: '0xf") as told:
+        read_scales(tmp_path / "index.csv", ["map.png"])
+    assert len(str(told.value)) < 600

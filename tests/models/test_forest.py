@@ -91,3 +91,11 @@ def test_a_forest_by_hand() -> None:
         numbers[0], np.array([0.5, -1.0, 2.0], np.float32), numbers[1], numbers[2], numbers[3], 0.25
     )
     assert forest.score(np.array([[9.0, 0.5], [0.0, 0.6]], np.float32)).tolist() == [-0.75, 2.25]
+
+
+def test_a_forest_far_too_sure_is_certain() -> None:
+    column = np.array([0], np.int32)
+    for said, chance in ((-1e5, 0.0), (0.0, 0.5), (1e5, 1.0)):
+        forest = Forest(column - 1, np.array([said]), column, column, column, 0.0)
+        with np.errstate(all="raise", under="ignore"):
+            np.testing.assert_allclose(forest.probability(np.zeros((1, 1))), chance, atol=1e-300)

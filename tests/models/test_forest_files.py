@@ -72,6 +72,8 @@ def test_all_digits_are_kept_or_those_of_float32(
         '{"features": ["a"], "forests": {"x": {"bias": 0, "trees": [[[1, 1.0, 1, 2], [1.0], [1.0]]]}}}',
         '{"features": ["a"], "forests": {"x": {"bias": 0, "trees": [[[0, "high", 1, 2], [1.0], [1.0]]]}}}',
         '{"features": ["a"], "forests": {"x": {"bias": 0, "trees": [[[null]]]}}}',
+        '{"features": ["a"], "forests": {"x": {"bias": 1e300, "trees": [[[1.0]]]}}}',
+        '{"features": ["a"], "forests": {"x": {"bias": 0, "trees": [[[0, 1.0, 1, 2], [1e30], [1.0]]]}}}',
     ],
 )
 def test_foreign_and_damaged_models(text: str, tmp_path: Path) -> None:

@@ -53,6 +53,15 @@ def test_what_it_imports_from_beside_it_counts(tmp_path: Path) -> None:
     assert reference(path).digest() != digest and reference(path).load() == 25
 
 
+def test_numbers_of_thousands_of_digits_hide_no_import(tmp_path: Path) -> None:
+    write(tmp_path, "SIZE = 1", "beside_mine.py")
+    late = "def late():\n    import beside_mine\n    return 0x" + "f" * 5000
+    path = write(tmp_path, f"LONG = (0x{'f' * 5000}, 1)\n{late}\nVALUE = 3")
+    digest = reference(path).digest()
+    write(tmp_path, "SIZE = 2", "beside_mine.py")
+    assert reference(path).load() == 3 and reference(path).digest() != digest
+
+
 def test_files_of_two_folders_have_their_own_modules_of_one_name(tmp_path: Path) -> None:
     for size in (1, 2):
         folder = tmp_path / f"variant{size}"

@@ -16,7 +16,7 @@ from layoutexplore.layout.doorways import doorway_regions
 from layoutexplore.maps.library import load_plan
 from layoutexplore.predictors import make_predictor, make_room_predictor
 from layoutexplore.predictors.frontier_model.network import FrontierNetwork
-from layoutexplore.predictors.learned import CELL_NETWORK, FOLDER, FRONTIER_NETWORK
+from layoutexplore.predictors.learned import CELL_NETWORK, FOLDER, FRONTIER_NETWORK, agreed, classify
 from layoutexplore.simulation.simulation import Simulation, SimulationConfig
 
 
@@ -68,6 +68,15 @@ def test_networks_are_asked_where_trees_are_in_doubt(monkeypatch: pytest.MonkeyP
         total += len(differ)
         assert np.count_nonzero(differ) == asked[-1] and (judged.closed[differ] == 1).all()
     assert len(asked) == 6 and 0 < sum(asked) < total / 2
+
+
+def test_numbers_of_models_that_learnt_nothing_become_finite_ones() -> None:
+    scores = np.array([[1e4, -1e4, 0.0], [-1e4, 1e4, 0.0], [1e4, 1e4, 1e4]])
+    with np.errstate(all="raise", under="ignore"):
+        classes, confidence = classify(scores, np.ones(3, np.int32))
+        sure = agreed(np.array([0.5, 0.5]), np.array([-1e5, 1e5], np.float32))
+    assert np.isfinite(classes.remaining_area).all() and np.isfinite(confidence).all()
+    np.testing.assert_allclose(sure, [0.0, 1.0], atol=1e-300)
 
 
 def test_explorations_in_threads_share_a_predictor() -> None:

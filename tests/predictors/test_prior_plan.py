@@ -132,6 +132,13 @@ def test_nonsense_is_refused(text: str, message: str) -> None:
         predictor_of_prior(text)
 
 
+@pytest.mark.parametrize("key", ["scale", "mirror", "here", "sure"])
+def test_a_wrong_hint_of_any_length_is_told_shortly(key: str) -> None:
+    with pytest.raises(ConfigError) as told:
+        predictor_of_prior(f"true;{key}={'1/' * 9000}")
+    assert key in str(told.value) and len(str(told.value)) < 600
+
+
 def test_hints_that_nothing_would_hear_are_refused() -> None:
     told = PriorHints(rotation=90.0)
     for source in ("rough", prior_of_plan(office(), told)):

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from layoutexplore.errors import LayoutExploreError, MapError, MapWarning, MissingExtraError
+from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
 from layoutexplore.priors.plan import PriorHints, PriorPlan
@@ -159,6 +160,14 @@ def test_the_map_of_a_robot_without_rooms_tells_how_to_get_some(tmp_path: Path) 
     rooms = office().rasterize(0.1).room_ids
     cv2.imwrite(str(tmp_path / "floor_rooms.png"), rooms[::-1].astype(np.uint16))
     assert read_prior(path).unused == ""
+
+
+def test_a_map_with_hardly_any_floor_is_named(tmp_path: Path) -> None:
+    cells = np.full((40, 40), OCCUPIED, np.int8)
+    cells[20, 20] = FREE
+    save_grid(OccupancyGrid(cells, 0.01), tmp_path / "speck.yaml")
+    with pytest.raises(MapError, match=r"speck\.yaml: plan 'speck' has no free space"):
+        read_prior(tmp_path / "speck.yaml")
 
 
 def test_a_scan_of_a_hundred_megapixels_is_refused_before_it_is_decoded(tmp_path: Path) -> None:

@@ -39,6 +39,7 @@ def clutter(
     Precision, recall, W against precision, and the wall-line error with and without it.
     """
     from layoutexplore.cli.progress import progress_lines
+    from layoutexplore.errors import MapError
     from layoutexplore.evaluation.clutter import check_for_clutter, run_study
     from layoutexplore.grids.ros_map import load_grid, usable_maps
 
@@ -49,7 +50,9 @@ def clutter(
 
     check_places(out, json_file)
     files = [f for path in maps for f in (sorted(path.glob("*.png")) if path.is_dir() else [path])]
-    grids, failed = usable_maps(load, [f for f in files if not f.stem.endswith("_gt")])
+    if not (chosen := [f for f in files if not f.stem.endswith("_gt")]):
+        raise MapError(f"{', '.join(map(str, maps))}: no map NAME.png inside")
+    grids, failed = usable_maps(load, chosen)
     with holding(out):
         summary, trials = run_study(dict(grids), progress=progress_lines(), store=out)
     for key, value in asdict(summary).items():

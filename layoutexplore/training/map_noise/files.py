@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from layoutexplore.errors import ConfigError, MapError
-from layoutexplore.files import all_or_none, read_toml, safe_name, write_atomically, write_csv
+from layoutexplore.files import all_or_none, naming, read_toml, safe_name, write_atomically, write_csv
 from layoutexplore.files.schema import Items, Number, Record
 from layoutexplore.grids.arrays import Bytes, Floats
 from layoutexplore.grids.grid import FREE, OCCUPIED, UNKNOWN
@@ -74,7 +74,8 @@ def read_noise(path: Path) -> MapNoiseConfig:
             raise ConfigError(f"{path}: no noise is called {name}; known are {', '.join(names)}")
         if len(ends) != 2:
             raise ConfigError(f"{path}: {name} needs two numbers, [low, high]")
-    return MapNoiseConfig(**{name: (float(low), float(high)) for name, (low, high) in given.items()})
+    with naming(path, ConfigError):
+        return MapNoiseConfig(**{name: (float(low), float(high)) for name, (low, high) in given.items()})
 
 
 def write_cases(made: SimulatedMaps, folder: Path) -> int:

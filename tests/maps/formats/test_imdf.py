@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from shapely import Point, Polygon, box
@@ -89,3 +91,15 @@ def test_levels_without_units_are_no_floors(tmp_path: Path) -> None:
     inside["properties"]["id"] = "a0"
     write_collection(path / "level.geojson", *levels, inside)
     assert imdf_levels(path) == ["G"] and len(load_plan(path).rooms) == 2
+
+
+@pytest.mark.parametrize("value", [True, "13.7", [13.7]])
+def test_a_unit_whose_coordinates_are_no_numbers_is_left_out(tmp_path: Path, value: Any) -> None:
+    path = write_imdf(tmp_path / "school")
+    units = json.loads((path / "unit.geojson").read_text())
+    ring = [list(corner) for corner in units["features"][0]["geometry"]["coordinates"][0]]
+    ring[0][0] = value
+    units["features"][0]["geometry"]["coordinates"] = [ring]
+    (path / "unit.geojson").write_text(json.dumps(units))
+    with pytest.warns(MapWarning, match="1 polygons without area are left out"):
+        assert len(load_plan(f"{path}#0").rooms) == 1

@@ -238,3 +238,10 @@ def test_rooms_without_a_level_are_named(tmp_path: Path) -> None:
     file.way([*corners(RIGHT)], indoor="room", level="0")
     with pytest.warns(MapWarning, match="1 rooms without a level are left out"):
         assert len(load_plan(file.write(tmp_path / "half.osm")).rooms) == 1
+
+
+def test_a_floor_of_rooms_without_an_area_is_told(tmp_path: Path) -> None:
+    file = OsmFile()
+    file.way([(0, 0), (5, 0), (9, 0), (0, 0)], indoor="room", level="0")
+    with pytest.warns(MapWarning), pytest.raises(MapError, match="there is no room on this floor"):
+        load_plan(file.write(tmp_path / "flat.osm"))

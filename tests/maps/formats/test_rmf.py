@@ -25,6 +25,8 @@ from tests.maps.formats.cases import RMF, write_rmf
         ),
         ("distance: [3, 10.0]", "distance: [3, 0]", "no usable measurement"),
         ("- [0, 0, 0", "- [zero, 0, 0", "two finite numbers"),
+        ("- [0, 0, 0", "- [yes, 0, 0", "two finite numbers"),
+        ("distance: [3, 10.0]", "distance: [3, yes]", "no usable measurement"),
         ("    walls:", "    lanes:", "no floor in this file"),
     ],
 )

@@ -81,3 +81,14 @@ def test_a_network_survives_its_file(tmp_path: Path) -> None:
     save_weights(path, {name: values for name, values in weights.items() if name != "weigh.scale"}, "a test")
     with pytest.raises(ConfigError, match=r"frontiers\.safetensors: weigh\.scale is missing"):
         load_weights(path, SHAPES)
+
+
+def test_weights_of_which_no_sum_is_finite_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "frontiers.safetensors"
+    for large in (np.float32(-3e38), np.float64(1e200)):  # as float32 the latter is infinite
+        bias = np.full(3, large)
+        save_weights(path, {**random_weights(1), "judge.bias": bias}, "a test")
+        with pytest.raises(
+            ConfigError, match=r"frontiers\.safetensors: 'judge\.bias' holds .*train it again"
+        ):
+            load_weights(path, SHAPES)
