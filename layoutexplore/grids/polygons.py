@@ -13,6 +13,7 @@ Grid coordinates follow the house: row 0 at the lowest y, `origin` is the lower 
 
 from __future__ import annotations
 
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -86,7 +87,7 @@ def shape_of(data: Any) -> BaseGeometry:
         for inside in part.get("geometries") or [part["coordinates"]] if isinstance(part, dict) else part:
             if isinstance(inside, (dict, list, tuple)):
                 waiting.append(inside)
-            elif isinstance(inside, bool) or not isinstance(inside, (int, float)):
+            elif isinstance(inside, bool) or not isinstance(inside, Real):
                 raise ValueError(f"a coordinate must be a number, got {shortened(inside)}")
     return as_shape(data)
 
