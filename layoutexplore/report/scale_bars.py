@@ -83,5 +83,5 @@ def place_scale_bar(bar: ScaleBar, weight: Floats, shown: tuple[float, float]) -
         for x, y in corners
     ]
     x, y = corners[int(np.argmin(covered))]
-    sizes = (round(size, 2) for size in (x, y, wide, high))
-    return PlacedScaleBar(bar.label, bar.width, *sizes, round(pixel, 4))
+    x, y, wide, high = (round(size, 2) for size in (x, y, wide, high))
+    return PlacedScaleBar(bar.label, bar.width, x, y, wide, high, round(pixel, 4))
