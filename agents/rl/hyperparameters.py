@@ -346,9 +346,10 @@ def read_config(
     """
     table, where = ({}, "the flags") if path is None else (read_toml(Path(path)), str(path))
     given = {key: value for key, value in (flags or {}).items() if value is not None}
-    algorithm = given.pop("algorithm", of_file := table.pop("algorithm", DEFAULT_ALGORITHM))
+    whose = "algorithm" if "algorithm" in given else f"algorithm of {where}:"
+    algorithm = given.pop("algorithm", table.pop("algorithm", DEFAULT_ALGORITHM))
     if not isinstance(algorithm, str) or algorithm not in _defaults():
-        raise unknown_name("algorithm" + f" of {where}:" * (algorithm is of_file), algorithm, _defaults())
+        raise unknown_name(whose, algorithm, _defaults())
     merged = merge(_defaults()[algorithm], table, f"of {algorithm!r} in {where}")
     with blaming(None if path is None else Path(path), ConfigError, lambda: _build(algorithm, merged)):
         return _build(algorithm, merge(merged, given, f"of {algorithm!r}"))
@@ -380,8 +381,7 @@ def merge(defaults: Mapping[str, Any], changes: Mapping[str, Any], where: str) -
 
 def _build(algorithm: str, table: dict[str, Any]) -> TrainingConfig:
     evaluation = dict(table.pop("evaluation"))
-    for name in ("plans", "references"):
-        evaluation[name] = tuple(evaluation[name])
+    evaluation |= {name: tuple(evaluation[name]) for name in ("plans", "references")}
     parts: dict[str, Any] = {"evaluation": EvaluationConfig(**evaluation)}
     for name in ("plans", "sensors"):
         parts[name] = tuple(table.pop(name))

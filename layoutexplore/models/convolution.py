@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeVar
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from layoutexplore.models.network_files import Layers
+
+ValuesT = TypeVar("ValuesT")
 
 _ONE_THREAD = 1 << 18
 """Multiplications of one product up to which OpenBLAS keeps to one thread (its `interface/gemm.c`)."""
@@ -85,6 +88,18 @@ def run_layer(
     found = convolve(values, weights[f"{name}.weight"], side, stride)
     found += weights[f"{name}.bias"]
     return found if name == "judge" else np.maximum(found, 0.0, out=found)
+
+
+def halved(layer: Callable[[str, ValuesT], ValuesT], full: ValuesT) -> tuple[ValuesT, ValuesT, ValuesT]:
+    """Values at a half, a fourth and an eighth of their resolution, as U-Nets of such layers have them.
+
+    Args:
+        layer: Runs the layer of a name, "to_half", "at_half" and so on: NumPy's or torch's.
+        full: At full resolution.
+    """
+    half = layer("at_half", layer("to_half", full))
+    fourth = layer("at_fourth", layer("to_fourth", half))
+    return half, fourth, layer("at_eighth", layer("to_eighth", fourth))
 
 
 def joined_to_larger(small: NDArray[np.float32], larger: NDArray[np.float32]) -> NDArray[np.float32]:

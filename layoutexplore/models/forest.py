@@ -14,12 +14,22 @@ from layoutexplore.models.quickscorer import LeafMasks, leaf_masks, log_odds_by_
 _MANY = 8
 """Samples from which on masks are quicker than descending the trees."""
 
-SURE = 700.0
+_SURE = 700.0
 """Log-odds that are as good as certain: the exponential function of larger ones is not finite."""
 
 Numbers = tuple[
     NDArray[np.uint32], NDArray[np.float64], NDArray[np.uint32], NDArray[np.uint32], NDArray[np.int64], float
 ]
+
+
+def logistic(log_odds: NDArray[np.floating]) -> NDArray[np.float64]:
+    """The probabilities of log-odds of any shape.
+
+    Example:
+        >>> logistic(np.array([0.0, 1e9, -np.log(3.0)])).round(2).tolist()
+        [0.5, 1.0, 0.25]
+    """
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(log_odds, -_SURE, _SURE))), np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +67,7 @@ class Forest:
 
     def probability(self, samples: NDArray[np.floating]) -> NDArray[np.float64]:
         """The logistic function of the score, float64 (n,)."""
-        return np.asarray(1.0 / (1.0 + np.exp(-np.clip(self.score(samples), -SURE, SURE))))
+        return logistic(self.score(samples))
 
     @cached_property
     def masks(self) -> LeafMasks | None:

@@ -33,7 +33,7 @@ from layoutexplore.grids.arrays import Floats, Floats32, Ints32
 from layoutexplore.grids.grid import UNKNOWN, OccupancyGrid
 from layoutexplore.layout.alignment import turn_back
 from layoutexplore.layout.doorways import Regions
-from layoutexplore.models.forest import SURE, Forest
+from layoutexplore.models.forest import Forest, logistic
 from layoutexplore.models.forest_files import load_forests
 from layoutexplore.models.network_files import load_weights, shapes_of
 from layoutexplore.options import Rule, format_value
@@ -280,7 +280,7 @@ def classify(scores: Floats, rooms: Ints32) -> tuple[FrontierClasses, Floats]:
         scores: float64 (3, k), as of `score_frontiers`.
         rooms: int32 (k,), the room that each frontier lies in.
     """
-    closed, leftover = 1.0 / (1.0 + np.exp(-np.clip(scores[:2], -SURE, SURE)))
+    closed, leftover = logistic(scores[:2])
     closed, area = np.maximum(closed, leftover), np.maximum(np.expm1(np.minimum(scores[2], _VAST)), 0.0)
     area = np.where(
         leftover > 0.5, np.minimum(area, math.nextafter(LITTLE_LEFT, 0.0)), np.maximum(area, LITTLE_LEFT)
@@ -314,5 +314,4 @@ def agreed(probability: Floats, log_odds: NDArray[np.floating]) -> Floats:
         [0.5, 0.392]
     """
     sure = np.clip(probability, 1e-5, 1.0 - 1e-5)
-    mean = (1.0 - ROOM_SHARE) * np.log(sure / (1.0 - sure)) + ROOM_SHARE * log_odds
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(mean, -SURE, SURE))), np.float64)
+    return logistic((1.0 - ROOM_SHARE) * np.log(sure / (1.0 - sure)) + ROOM_SHARE * log_odds)

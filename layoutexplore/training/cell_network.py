@@ -56,9 +56,8 @@ class TrainableCellNetwork(JudgingNetwork):
         """Log-odds (batch, 2, rows, cols) for planes (batch, PLANES, rows, cols)."""
         layers = self.layers
         full = layers["at_full"](layers["show"](planes))
-        half = layers["at_half"](layers["to_half"](full))
-        fourth = layers["at_fourth"](layers["to_fourth"](half))
-        low = layers["wide"](layers["at_eighth"](layers["to_eighth"](fourth)))
+        half, fourth, low = self.halved(full)
+        low = layers["wide"](low)
         for name, skipped in (("up_to_fourth", fourth), ("up_to_half", half), ("up_to_full", full)):
             larger = functional.interpolate(low, scale_factor=2)[..., : skipped.shape[2], : skipped.shape[3]]
             low = layers[name](torch.cat([larger, skipped], 1))

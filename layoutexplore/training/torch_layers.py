@@ -14,6 +14,7 @@ from layoutexplore.agents.rl.torch_policy_files import save_tensors
 from layoutexplore.errors import ConfigError
 from layoutexplore.files.tensors import read_tensors
 from layoutexplore.grids.arrays import Floats32
+from layoutexplore.models.convolution import halved
 
 StepProgress = Callable[[int, int, float], None]
 """(steps made, steps in all, mean loss of late) -> None."""
@@ -118,6 +119,10 @@ class JudgingNetwork(nn.Module):
         *hidden, last = shapes
         self.layers = nn.ModuleDict({name: Convolution(*shapes[name]) for name in hidden})
         self.judge = nn.Conv2d(shapes[last][0], shapes[last][1], 1)
+
+    def halved(self, full: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
+        """Values (batch, channels, rows, cols) at a half, a fourth and an eighth of their resolution."""
+        return halved(lambda name, values: self.layers[name](values), full)
 
     def weights(self) -> dict[str, Floats32]:
         """The weights as the network that ships takes them."""

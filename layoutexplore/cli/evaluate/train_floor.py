@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 from typing import Annotated
 
@@ -68,7 +69,7 @@ def train_floor(
         crops,
         config,
         lambda done, all_steps, loss: progress(f"steps, mean loss {loss:.3f}", done, all_steps),
-        kept=store and store / f"floor-{len(crops)}-{steps}-{batch}-{seed}.safetensors",
+        kept=store and store / f"floor-{zlib.crc32(crops.data):08x}-{steps}-{batch}-{seed}.safetensors",
     )
     note = f"completes maps; trained on {len(crops)} crops of maps of {len(names)} floor plans, {steps} steps"
     save_weights(out, weights, f"{note}, seed {seed}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Floats32
-from layoutexplore.models.convolution import joined_to_larger, run_layer
+from layoutexplore.models.convolution import halved, joined_to_larger, run_layer
 from layoutexplore.models.network_files import Layers, Weights
 from layoutexplore.predictors.cell_model.network_input import PLANES, NetworkInput, draw_planes
 
@@ -54,9 +54,8 @@ class CellNetwork:
     def _forward(self, shown: Floats32) -> Floats32:
         """Log-odds float32 (rows, cols, 2) for the two ranks of every lattice cell."""
         full = self._layer("at_full", shown)
-        half = self._layer("at_half", self._layer("to_half", full))
-        fourth = self._layer("at_fourth", self._layer("to_fourth", half))
-        low = self._layer("wide", self._layer("at_eighth", self._layer("to_eighth", fourth)))
+        half, fourth, low = halved(self._layer, full)
+        low = self._layer("wide", low)
         for name, skipped in (("up_to_fourth", fourth), ("up_to_half", half), ("up_to_full", full)):
             low = self._layer(name, joined_to_larger(low, skipped))
         return self._layer("judge", self._layer("end", low))

@@ -10,7 +10,7 @@ import numpy as np
 
 from layoutexplore.errors import checks_making
 from layoutexplore.grids.arrays import Bytes, Floats32
-from layoutexplore.models.convolution import joined_to_larger, run_layer
+from layoutexplore.models.convolution import halved, joined_to_larger, run_layer
 from layoutexplore.models.network_files import Layers, Weights
 
 FOLD = 4
@@ -65,9 +65,7 @@ class FloorNetwork:
     def _forward(self, places: Floats32) -> Floats32:
         """Log-odds float32 (rows, cols, FOLD ** 2) for the squares of all places."""
         full = self._layer("at_full", places)
-        half = self._layer("at_half", self._layer("to_half", full))
-        fourth = self._layer("at_fourth", self._layer("to_fourth", half))
-        low = self._layer("at_eighth", self._layer("to_eighth", fourth))
+        half, fourth, low = halved(self._layer, full)
         for name, skipped in (("up_to_fourth", fourth), ("up_to_half", half), ("up_to_full", full)):
             low = self._layer(name, joined_to_larger(low, skipped))
         return self._layer("judge", low)

@@ -48,9 +48,7 @@ class TrainableFloorNetwork(JudgingNetwork):
         """Log-odds (batch, rows, cols) for squares (batch, KINDS, rows, cols)."""
         layers = self.layers
         full = layers["at_full"](functional.pixel_unshuffle(known, FOLD))
-        half = layers["at_half"](layers["to_half"](full))
-        fourth = layers["at_fourth"](layers["to_fourth"](half))
-        low = layers["at_eighth"](layers["to_eighth"](fourth))
+        half, fourth, low = self.halved(full)
         for name, skipped in (("up_to_fourth", fourth), ("up_to_half", half), ("up_to_full", full)):
             low = layers[name](torch.cat([functional.interpolate(low, scale_factor=2), skipped], 1))
         return functional.pixel_shuffle(self.judge(low), FOLD)[:, 0]

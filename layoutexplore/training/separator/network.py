@@ -64,9 +64,7 @@ class TrainableSeparator(JudgingNetwork):
         """Log-odds (batch, OUTPUTS, squares, squares) for (batch, channels, places, places)."""
         layers = self.layers
         full = layers["at_full"](layers["patch"](values))
-        half = layers["at_half"](layers["to_half"](full))
-        fourth = layers["at_fourth"](layers["to_fourth"](half))
-        low = layers["at_eighth"](layers["to_eighth"](fourth))
+        half, fourth, low = self.halved(full)
         for smaller, skipped, at in (
             ("from_eighth", fourth, "wide"),
             ("from_fourth", half, "up_half"),

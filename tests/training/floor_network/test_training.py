@@ -81,3 +81,11 @@ def test_the_command_writes_a_network_that_a_predictor_takes(tmp_path: Path) -> 
     from layoutexplore.predictors.floor_model.network import LAYERS
 
     assert load_weights(tmp_path / "floor.safetensors", shapes_of(LAYERS))
+    others = CliRunner().invoke(
+        app,
+        [*words[:2], "apartment-02", *words[3:], "--batch", "2", "--out", str(tmp_path / "other.safetensors"),
+         "--store", str(tmp_path / "kept")],
+    )  # fmt: skip
+    assert others.exit_code == 0, others.output
+    states = list((tmp_path / "kept").glob("floor-*.safetensors"))
+    assert len(states) == 2, "what is learnt from tells kept trainings apart"

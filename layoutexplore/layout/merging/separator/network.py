@@ -16,7 +16,7 @@ import numpy as np
 from layoutexplore.grids.arrays import Cells, Floats32, Ints32, Mask
 from layoutexplore.layout.limits import MOST_PLACES
 from layoutexplore.layout.merging.separator.planes import DEPTH, FINE, KINDS, PATCH, network_input
-from layoutexplore.models.convolution import run_layer
+from layoutexplore.models.convolution import halved, run_layer
 from layoutexplore.models.network_files import Layers, load_weights, shapes_of
 
 NETWORK_PATH = Path(__file__).with_name("separator_network.safetensors")
@@ -102,9 +102,7 @@ class SeparatorNetwork:
     def forward(self, values: Floats32) -> Floats32:
         """Log-odds of the squares, for an input of (places, places, channels), whole ones of `DEPTH`."""
         full = self._layer("at_full", self._layer("patch", values))
-        half = self._layer("at_half", self._layer("to_half", full))
-        fourth = self._layer("at_fourth", self._layer("to_fourth", half))
-        low = self._layer("at_eighth", self._layer("to_eighth", fourth))
+        half, fourth, low = halved(self._layer, full)
         for smaller, skipped, at in (
             ("from_eighth", fourth, "wide"),
             ("from_fourth", half, "up_half"),
