@@ -12,6 +12,7 @@ from layoutexplore.errors import ConfigError
 from layoutexplore.files import check_places, write_atomically, write_json
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
     from layoutexplore.speed import SpeedRow
@@ -53,17 +54,26 @@ def speed(
     check_places(None, picture, file="--picture")
     console = Console()
     rows: list[SpeedRow] = []
-    with console.status("Measuring") as status:
-        more = (Measurement("engines", engines),)
-        rows.extend(measure(only or (), more=more, begin=lambda name: status.update(f"Measuring {name}")))
+    try:
+        with console.status("Measuring") as status:
+            more = (Measurement("engines", engines),)
+            rows.extend(measure(only or (), more=more, begin=lambda name: status.update(f"Measuring {name}")))
+    finally:  # what was measured is kept, whatever ends the rest
+        _keep(console, rows, json_file, picture)
+    if any(row.missed for row in rows):
+        raise typer.Exit(1)
+
+
+def _keep(console: Console, rows: list[SpeedRow], json_file: Path | None, picture: Path | None) -> None:
+    """Print what was measured, and write it where it was asked for."""
+    if not rows:
+        return
     console.print(_table(rows))
     if json_file:
         write_json(json_file, {"versions": _versions(), "rows": [row.as_dict() for row in rows]})
         typer.echo(f"written: {json_file}")
     if picture:
         _draw(rows, picture)
-    if any(row.missed for row in rows):
-        raise typer.Exit(1)
 
 
 def _draw(rows: list[SpeedRow], picture: Path) -> None:
@@ -71,6 +81,8 @@ def _draw(rows: list[SpeedRow], picture: Path) -> None:
     from layoutexplore.speed.decisions import GrowthRow
 
     grown = [row for row in rows if isinstance(row, GrowthRow)]
+    if not grown:  # ended before they were measured
+        return
     lines = {
         agent: (
             [(row.area, row.quarters[-1]) for row in grown if row.agent == agent],

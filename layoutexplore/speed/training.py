@@ -10,7 +10,6 @@ from __future__ import annotations
 import importlib.util
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from layoutexplore.processes import usable_cores
@@ -50,12 +49,22 @@ def training() -> Iterator[SpeedRow]:
         yield _row(name, predictor, detour, goal)
 
 
-def _row(name: str, predictor: str, detour: bool, goal: float) -> SpeedRow:
+def throughput_config(predictor: str, *, detour: bool) -> TrainingConfig:
+    """What is trained: the hyper-parameters as shipped, on four large offices.
+
+    Args:
+        predictor: Asked at every decision.
+        detour: Whether the features of a tour are computed.
+    """
     from layoutexplore.agents.rl.hyperparameters import read_config
 
-    config = read_config(None, {"algorithm": "maskable-ppo", "predictor": predictor})
-    plans = {"families": {"office": 1.0}, "area": (AREAS[0], AREAS[-1]), "seeds": 4, "shipped_share": 0.0}
-    config = replace(config, observation={**config.observation, "detour": detour}, generator=plans)
+    plans = {"families": {"office": 1.0}, "area": [AREAS[0], AREAS[-1]], "seeds": 4, "shipped_share": 0.0}
+    changed = {"predictor": predictor, "observation": {"detour": detour}, "generator": plans}
+    return read_config(None, {"algorithm": "maskable-ppo", **changed})
+
+
+def _row(name: str, predictor: str, detour: bool, goal: float) -> SpeedRow:
+    config = throughput_config(predictor, detour=detour)
     ours, stock = _learn(config), _learn(config, stock=True)
     rate, reference = (spent.decisions / spent.total for spent in (ours, stock))
     shares = {

@@ -15,6 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 from typer.testing import CliRunner
 
 from layoutexplore import speed
+from layoutexplore.agents.rl.hyperparameters import read_config
 from layoutexplore.cli.speed import register
 from layoutexplore.errors import UnknownNameError
 from layoutexplore.grids.grid import Cell
@@ -32,6 +33,7 @@ from layoutexplore.speed import (
     suite,
 )
 from layoutexplore.speed.measurement import milliseconds
+from layoutexplore.speed.training import throughput_config
 from tests.envs.cases import rooms
 
 
@@ -68,6 +70,35 @@ def test_exit_status_follows_the_goals(
     use(monkeypatch, row(reached))
     code, output = invoke()
     assert code == status and word in output and "1 234 m/s" in output
+
+
+def test_what_was_measured_is_kept_when_the_rest_fails(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def failing() -> Iterator[SpeedRow]:
+        yield row(1.0)
+        raise UnknownNameError("no such thing")
+
+    monkeypatch.setattr(suite, "measurements", lambda only=(), more=(): [Measurement("walking", failing)])
+    file, picture = tmp_path / "speed.json", tmp_path / "growth.svg"
+    code, output = invoke("--json", str(file), "--picture", str(picture))
+    assert code == 1 and "1 234 m/s" in output and not picture.exists()
+    assert [r["ours"] for r in json.loads(file.read_text())["rows"]] == [1234.5]
+
+
+@pytest.mark.parametrize("detour", [False, True])
+def test_training_is_measured_with_what_ships(detour: bool) -> None:
+    shipped = read_config(None, {"algorithm": "maskable-ppo"})
+    config = throughput_config("none", detour=detour)
+    assert config.learning == shipped.learning and config.network == shipped.network
+    assert config.predictor == "none" and config.observation["detour"] is detour
+    assert config.generator == {
+        **shipped.generator,
+        "families": {"office": 1.0},
+        "area": [1000.0, 2350.0],
+        "seeds": 4,
+        "shipped_share": 0.0,
+    }
 
 
 def test_figures_are_written_as_json(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
