@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.rows import RunKey
 from layoutexplore.errors import ConfigError, MapError, StartError, unknown_name
+from layoutexplore.files import naming
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import cached_plan
@@ -62,10 +64,8 @@ def entry(source: str, simulation: SimulationConfig) -> PlanEntry:
         MapError: The plan cannot be read, or has no place for the robot.
     """
     plan = cached_plan(source)
-    try:
+    with naming(Path(source), MapError):
         reachable = plan.rasterize(simulation.resolution).reachable(simulation.robot_radius)
-    except MapError as error:
-        raise MapError(f"{source}: {error}") from error
     return PlanEntry(
         name=plan.name,
         source=source,
