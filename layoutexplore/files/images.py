@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,11 @@ _GAP = rb"(?:\s|#[^\n\r]*[\n\r])++"
 _PNM = re.compile(rb"P[1-6]" + _GAP + rb"(\d+)" + _GAP + rb"(\d+)")
 _PNM_WHITE = re.compile(rb"P([2356])" + _GAP + rb"\d+" + _GAP + rb"\d+" + _GAP + rb"(\d{1,5})\s")
 """Headers of the PNM family; kind, and level of white of those that declare one."""
+
+_PNG = b"\x89PNG\r\n\x1a\n"
+
+_PIXEL_PARTS = frozenset([b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"])
+"""Chunks of a PNG that say what its pixels are; the others tell of colour profiles, times and the like."""
 
 _FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Markers of a JPEG file behind which its size stands."""
@@ -70,7 +76,7 @@ def _read(path: Path, error: Kind) -> tuple[Levels, int | None]:
             f"{path}: {width} x {height} pixels, and the limit image_pixels is {limits().image_pixels:g}: "
             f"make it smaller, or {raise_it('image_pixels', width * height)}"
         )
-    pixels = _decoded(data)
+    pixels = _decoded(_pixels_alone(data) if data.startswith(_PNG) else data)
     if pixels is None or not pixels.size:
         raise error(f"{path}: not an image, or a damaged one")
     if pixels.dtype not in (np.uint8, np.uint16):
@@ -84,6 +90,29 @@ def _white(data: bytes) -> int | None:
     white = int(match[2]) if match else 0
     is_heeded = match is not None and match[1] in b"23" and white < 256  # of texts with levels of 8 bits
     return None if white in (0, 255, 65535) or is_heeded else white
+
+
+def _pixels_alone(data: bytes) -> bytes:
+    """A PNG without what its pixels do not need; empty where a part that they need is damaged.
+
+    libpng prints on stderr what it finds, before OpenCV says that it failed: of damaged parts, and of colour
+    profiles that are a little wrong in pictures without a fault. Stderr is the whole process's: what other
+    threads and the processes that they start write there would be lost if it led elsewhere meanwhile. So
+    libpng is given what it has nothing to say of. libjpeg has nothing like checksums: what it says of a
+    damaged photo is seen.
+    """
+    kept, place, kind = [data[:8]], 8, b""
+    while kind != b"IEND" and place + 12 <= len(data):
+        size, kind = struct.unpack_from(">I4s", data, place)
+        end = place + 12 + size
+        if kind in _PIXEL_PARTS:
+            kept.append(data[place:end])
+            if zlib.crc32(data[place + 4 : end - 4]) != int.from_bytes(data[end - 4 : end], "big"):
+                return b""
+        elif kind[:1].isupper():  # needed by its own word, and unknown
+            return b""
+        place = end
+    return b"".join(kept) if kind == b"IEND" else b""
 
 
 def _decoded(data: bytes) -> Any:
@@ -196,7 +225,7 @@ def _tiff(data: bytes) -> tuple[int, int]:
 
 
 _HEADERS: dict[bytes, Callable[[bytes], tuple[int, int]]] = {
-    b"\x89PNG\r\n\x1a\n": _png,
+    _PNG: _png,
     b"\xff\xd8": _jpeg,
     b"BM": _bmp,
     b"II*\0": _tiff,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from pathlib import Path
 
 import cv2
@@ -83,3 +84,36 @@ def test_no_memory_is_asked_for_chunks_that_are_longer_than_their_file(
     monkeypatch.undo()
     path.write_bytes(data + b"what follows the end of an image")
     np.testing.assert_array_equal(read_pixels(path), MARK)
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    """A part of a PNG."""
+    checksum = zlib.crc32(kind + data)
+    return len(data).to_bytes(4, "big") + kind + data + checksum.to_bytes(4, "big")
+
+
+def test_a_damaged_png_is_told_once(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """libpng says nothing of its own on stderr."""
+    data = bytearray(cv2.imencode(".png", np.zeros((40, 50), np.uint8))[1].tobytes())
+    for place in (data.index(b"IHDR") + 9, data.index(b"IDAT") + 8, len(data) - 6):
+        broken = data[:]
+        broken[place] ^= 0xFF
+        (tmp_path / "map.png").write_bytes(broken)
+        with pytest.raises(MapError, match="damaged"):
+            read_levels(tmp_path / "map.png")
+    (tmp_path / "map.png").write_bytes(data[:33] + chunk(b"ABCD", b"?") + data[33:])
+    with pytest.raises(MapError, match="damaged"):
+        read_levels(tmp_path / "map.png")
+    assert capfd.readouterr().err == ""
+
+
+def test_what_a_png_tells_besides_its_pixels_says_nothing(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Programs for pictures write colour profiles that libpng finds wrong, in pictures without a fault."""
+    pixels = np.random.default_rng(0).integers(0, 256, (40, 50, 4), np.uint8)
+    data = cv2.imencode(".png", pixels)[1].tobytes()
+    profile = chunk(b"iCCP", b"sRGB\0\0" + zlib.compress(bytes(200)))
+    (tmp_path / "map.png").write_bytes(data[:33] + profile + data[33:])
+    assert np.array_equal(read_levels(tmp_path / "map.png"), pixels)
+    assert capfd.readouterr().err == ""
