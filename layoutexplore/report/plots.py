@@ -87,9 +87,9 @@ def forest(comparisons: Sequence[Comparison], metric: str = "d95") -> ForestPlot
     """
     shown = sorted((c for c in comparisons if c.metric == metric), key=lambda c: c.ratio.estimate)
     guards = {c.agent: c for c in comparisons if c.metric == "d99"}
-    ends = [
-        v for c in shown if c.ratio.estimate < _ODD for v in (c.ratio.low, c.ratio.high, c.ratio.estimate)
-    ]
+    usual = [c.ratio for c in shown if c.ratio.estimate < _ODD]
+    marks = [c.ratio.estimate for c in guards.values() if c.ratio.estimate < _ODD]
+    ends = [v for ratio in usual for v in (ratio.low, ratio.high, ratio.estimate)] + marks
     low = max(RATIO_LIMITS[0], min([0.8, *filter(math.isfinite, ends)]) / 1.03)
     high = min(RATIO_LIMITS[1], max([1.25, *filter(math.isfinite, ends)]) * 1.03)
 
