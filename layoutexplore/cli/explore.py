@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from layoutexplore.benchmark.rows import Row
     from layoutexplore.cli.exploration import RunWatcher
     from layoutexplore.grids.grid import Pose
+    from layoutexplore.maps.floorplan import FloorPlan
     from layoutexplore.simulation.config import SimulationConfig
     from layoutexplore.simulation.simulation import Simulation
 
@@ -157,7 +158,7 @@ def explore(
     agent = with_prior(agent, prior, prior_scale)
     begin, until = parse_start(start), functools.partial(_has_come, pause_after)
     floor = load_plan(plan)
-    compile_missing(_uses(agent, settings))
+    compile_missing(_uses(agent, settings, floor))
     simulation, chosen = prepare(floor, settings, agent)
     note_unused(simulation)
     notes = notes_of(agent, chosen, simulation, saved.notes if saved else None)
@@ -187,18 +188,20 @@ def _tell(row: Row, simulation: Simulation, watcher: RunWatcher, *, returns: boo
     plain_console().print(summary(row, filmed=filmed, back=back, prior=watcher.belief(simulation)))
 
 
-def _uses(agent: str, settings: SimulationConfig) -> set[str]:
+def _uses(agent: str, settings: SimulationConfig, floor: FloorPlan) -> set[str]:
     """What a run needs of what the list of kernels knows."""
     from layoutexplore.agents import make_agent
     from layoutexplore.frontiers.decision import predictor_of
-    from layoutexplore.processes.kernel_list import uses_of_runs
+    from layoutexplore.processes.kernel_list import LARGE_MAP, uses_of_runs
     from layoutexplore.simulation.config import SimulationConfig
-    from layoutexplore.simulation.state import is_noisy
+    from layoutexplore.simulation.state import is_large, is_noisy
 
     sensor, predictor = settings.lidar.name, predictor_of(make_agent(agent))
     plain = sensor == SimulationConfig().lidar.name and not is_noisy(settings)
     uses = uses_of_runs([agent], [] if plain else [sensor], predicts=predictor != "none")
-    return uses | {"a prior plan"} if str(predictor).startswith("prior:") else uses
+    if str(predictor).startswith("prior:"):
+        uses.add("a prior plan")
+    return uses | {LARGE_MAP} if is_large(floor, settings) else uses
 
 
 def _has_come(metres: float | None, simulation: Simulation) -> bool:
