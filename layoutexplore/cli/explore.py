@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from layoutexplore.grids.grid import Pose
     from layoutexplore.maps.floorplan import FloorPlan
     from layoutexplore.simulation.config import SimulationConfig
+    from layoutexplore.simulation.saved_run import SavedRun
     from layoutexplore.simulation.simulation import Simulation
 
 HELP = """Explore one floor plan with one agent; print what came of it, and film it.
@@ -116,6 +117,7 @@ PriorScale = Annotated[
 
 
 def explore(
+    context: typer.Context,
     plan: PlanName,
     agent: AgentName = "nearest",
     sensor: SensorName = "stage",
@@ -154,7 +156,7 @@ def explore(
     saved = read_saved_run(saved_state) if saved_state else None
     settings = saved.config if saved else _settings(config, sensor, region, noise)
     if saved:
-        agent, seed, sensor = saved.notes.get("agent", agent), saved.seed, settings.lidar.name
+        agent, seed, sensor = _as_saved(saved, context)
     agent = with_prior(agent, prior, prior_scale)
     begin, until = parse_start(start), functools.partial(_has_come, pause_after)
     floor = load_plan(plan)
@@ -177,6 +179,20 @@ def explore(
         _tell(row, simulation, watcher, returns=returns, filmed=video is not None)
         for path in filter(None, (video, save_state, *(save_run(out, simulation, watcher) if out else ()))):
             console.print(f"wrote {path}", soft_wrap=True)
+
+
+def _as_saved(saved: SavedRun, context: typer.Context) -> tuple[str, int, str]:
+    """The agent, the seed and the sensor of a run that goes on; says which options are not heeded."""
+    asked, sensor = context.params, saved.config.lidar.name
+    kept = {"agent": saved.notes.get("agent", asked["agent"]), "seed": saved.seed, "sensor": sensor}
+    fixed = (*kept, "start", "region", "noise", "config")
+    given = [
+        name for name in fixed if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    ]
+    if other := [f"--{name}" for name in given if name not in kept or asked[name] != kept[name]]:
+        told = f"the run goes on as it was saved, with {kept['agent']}, seed {saved.seed} and {sensor}"
+        typer.echo(f"{', '.join(other)} not heeded: {told}", err=True)
+    return kept["agent"], saved.seed, sensor
 
 
 def _tell(row: Row, simulation: Simulation, watcher: RunWatcher, *, returns: bool, filmed: bool) -> None:
