@@ -256,8 +256,9 @@ def pictures_of_tracks(
         }
         captions: dict[Row, list[str]] = {}
         for caption, picked in picks.items():
+            is_said = len(honest) > 1 or caption not in ("best", "worst")  # of one alone, it is neither
             for row in picked:
-                captions.setdefault(row, []).append(caption)
+                captions.setdefault(row, []).extend([caption] * is_said)
         cards = [_picture(folder, ", ".join(c), row, level) for row, c in captions.items()]
         found.append((f"{plan}, start {start}, {sensor}", cards))
     return found
