@@ -156,6 +156,7 @@ def test_one_run_in_one_building_is_no_more(whole: Path, suite: Suite, tmp_path:
     for name in ("leaderboard.html", "leaderboard.md"):
         text = (tmp_path / name).read_text()
         assert "1 building;" in text and "1 run of each agent" in text
+        assert "made again" in text and "came out" not in text, "none was repeated"
 
 
 def test_the_command_writes_page_and_tables(whole: Path, suite: Suite, tmp_path: Path) -> None:
