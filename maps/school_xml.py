@@ -71,14 +71,16 @@ def load_school_xml(path: str | os.PathLike[str]) -> FloorPlan:
 
 def _scale(root: ElementTree.Element, path: Path) -> float:
     """Metres a pixel."""
-    names = ("represented_distance", "real_distance")
-    texts = {name: root.findtext(f"scale/{name}/value") for name in names}
     unit = (root.findtext("scale/real_distance/um") or "cm").strip().lower()
-    pixels, real = (_number(text) for text in texts.values())
-    for name, value in zip(names, (pixels, real), strict=True):
+    found = []
+    for name in ("represented_distance", "real_distance"):
+        text = root.findtext(f"scale/{name}/value")
+        value = _number(text)
         if value is None:
-            told = "is missing" if texts[name] is None else f"is no finite number: {shortened(texts[name])}"
+            told = "is missing" if text is None else f"is no finite number: {shortened(text)}"
             raise MapError(f"{path}: no usable <scale>: the value of {name} {told}")
+        found.append(value)
+    pixels, real = found
     scale = real * _METRES.get(unit, math.nan) / pixels if pixels > 0 else math.nan
     if not 0 < scale <= MOST_METRES:
         raise MapError(f"{path}: the scale {real:g} {shortened(unit)} = {pixels:g} pixels makes no sense")
