@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import re
 import struct
+import tempfile
+import warnings
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, MapWarning, shortened
 from layoutexplore.files.limits import limits, raise_it
 from layoutexplore.files.reading import Kind, read_bytes
+from layoutexplore.processes import runs_alone
 
 _GAP = rb"(?:\s|#[^\n\r]*[\n\r])++"
 _PNM = re.compile(rb"P[1-6]" + _GAP + rb"(\d+)" + _GAP + rb"(\d+)")
@@ -30,6 +34,9 @@ _PIXEL_PARTS = frozenset([b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"])
 _FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Markers of a JPEG file behind which its size stands."""
 
+
+_MOST_SAID = 300
+"""Bytes that are kept of what a decoder says."""
 
 Levels = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -57,6 +64,9 @@ def read_levels(path: Path, *, error: Kind = MapError) -> Levels:
     Raises:
         LayoutExploreError: Of the kind `error`: it cannot be read, is none of these or damaged, has more
             pixels than the limit, or pixels of neither 8 nor 16 bits.
+
+    Warns:
+        MapWarning: A photo is read although it is damaged.
     """
     return _read(path, error)[0]
 
@@ -76,9 +86,11 @@ def _read(path: Path, error: Kind) -> tuple[Levels, int | None]:
             f"{path}: {width} x {height} pixels, and the limit image_pixels is {limits().image_pixels:g}: "
             f"make it smaller, or {raise_it('image_pixels', width * height)}"
         )
-    pixels = _decoded(_pixels_alone(data) if data.startswith(_PNG) else data)
+    pixels, said = _decoded(_pixels_alone(data) if data.startswith(_PNG) else data)
     if pixels is None or not pixels.size:
-        raise error(f"{path}: not an image, or a damaged one")
+        raise error(f"{path}: not an image, or a damaged one{f' ({said})' if said else ''}")
+    if said:
+        warnings.warn(f"{path}: {said}", MapWarning, stacklevel=3)
     if pixels.dtype not in (np.uint8, np.uint16):
         raise error(f"{path}: images of {pixels.dtype} pixels are not supported; use 8 or 16 bits")
     return pixels, _white(data)
@@ -98,8 +110,7 @@ def _pixels_alone(data: bytes) -> bytes:
     libpng prints on stderr what it finds, before OpenCV says that it failed: of damaged parts, and of colour
     profiles that are a little wrong in pictures without a fault. Stderr is the whole process's: what other
     threads and the processes that they start write there would be lost if it led elsewhere meanwhile. So
-    libpng is given what it has nothing to say of. libjpeg has nothing like checksums: what it says of a
-    damaged photo is seen.
+    libpng is given what it has nothing to say of; see `_overheard` for other kinds, which have no checksums.
     """
     kept, place, kind = [data[:8]], 8, b""
     while kind != b"IEND" and place + 12 <= len(data):
@@ -115,18 +126,46 @@ def _pixels_alone(data: bytes) -> bytes:
     return b"".join(kept) if kind == b"IEND" else b""
 
 
-def _decoded(data: bytes) -> Any:
+def _decoded(data: bytes) -> tuple[Any, str]:
+    """The pixels, None where there are none to be had, and what the decoder says of the file."""
     import cv2
 
     as_stored, as_shown = cv2.IMREAD_UNCHANGED, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
     is_photo = data.startswith(b"\xff\xd8")
     if data.startswith((b"P1", b"P2", b"P3")):
         data += b"\n"  # OpenCV does not read the last number of a text that ends with it
-    with _silent_opencv():
+    pixels = None
+    with _silent_opencv(), _overheard() as said, suppress(Exception):  # OpenCV's own, and that of memory
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), as_shown if is_photo else as_stored)
+    return pixels, "; ".join(said)
+
+
+@contextmanager
+def _overheard() -> Iterator[list[str]]:
+    """What a library prints on stderr meanwhile; it is not seen there.
+
+    Stderr is the whole process's, so this is left alone where other threads run: what they, or processes that
+    they start, write there could be lost. A library's words are seen then as they are.
+    """
+    said: list[str] = []
+    with ExitStack() as opened:
         try:
-            return cv2.imdecode(np.frombuffer(data, np.uint8), as_shown if is_photo else as_stored)
-        except Exception:  # OpenCV's own, and that of memory
-            return None
+            if not runs_alone():
+                raise OSError
+            file = opened.enter_context(tempfile.TemporaryFile())
+            kept = os.dup(2)
+        except OSError:  # no stderr, or nowhere to write
+            yield said
+            return
+        opened.callback(os.close, kept)
+        os.dup2(file.fileno(), 2)
+        try:
+            yield said
+        finally:
+            os.dup2(kept, 2)
+            file.seek(0)
+            lines = file.read(_MOST_SAID).decode(errors="replace").splitlines()
+            said += [line if line.isprintable() else shortened(line) for line in dict.fromkeys(lines) if line]
 
 
 @contextmanager
