@@ -148,13 +148,13 @@ def _overheard() -> Iterator[list[str]]:
     they start, write there could be lost. A library's words are seen then as they are.
     """
     said: list[str] = []
+    kept = -1
     with ExitStack() as opened:
-        try:
-            if not runs_alone():
-                raise OSError
-            file = opened.enter_context(tempfile.TemporaryFile())
-            kept = os.dup(2)
-        except OSError:  # no stderr, or nowhere to write
+        if runs_alone():
+            with suppress(OSError):  # no stderr, or nowhere to write
+                file = opened.enter_context(tempfile.TemporaryFile())
+                kept = os.dup(2)
+        if kept < 0:
             yield said
             return
         opened.callback(os.close, kept)

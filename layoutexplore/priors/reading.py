@@ -239,6 +239,8 @@ def _walls_of(sheet: _Sheet, pixel: float, config: BlueprintConfig) -> Occupancy
     try:
         return grid_from_blueprint(sheet.image, pixel, config=dataclasses.replace(config, words=sheet.words))
     except MissingExtraError as error:
+        if not sheet.words:
+            raise
         sheet.words = False
         text = f"{sheet.name}: words are erased by their size alone: {error}"
         warnings.warn(text, MapWarning, stacklevel=2)
