@@ -91,6 +91,7 @@ class FloorPlan:
         passages: Floor that belongs to no room (wide openings, unlabelled space); may be empty.
         source: The raster that is the truth of a plan born as an image; None otherwise.
         metadata: Where it comes from and under which terms; plain strings.
+        file: The file it was read from, and its level, for messages; empty where there is none.
 
     Raises:
         MapError: There is no room, passage or source, an id is not unique or above the limit, a polygon is
@@ -112,6 +113,7 @@ class FloorPlan:
     passages: BaseGeometry = field(default_factory=Polygon)
     source: PlanRaster | None = None
     metadata: Mapping[str, str] = field(default_factory=dict)
+    file: str = field(default="", repr=False)
     _cache: dict[tuple[float, float], PlanRaster] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -126,7 +128,7 @@ class FloorPlan:
 
     @property
     def _shown(self) -> str:
-        return f"plan {shortened(self.name)}"
+        return f"{self.file}: " * bool(self.file) + f"plan {shortened(self.name)}"
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -288,7 +290,7 @@ class FloorPlan:
         room_ids[occupied] = 0
         if occupied.all():
             raise MapError(f"{self._shown} has no free space at a resolution of {resolution:g} m")
-        return PlanRaster(occupied, room_ids, resolution, origin)
+        return PlanRaster(occupied, room_ids, resolution, origin, plan=self._shown)
 
 
 def _draw_shapes(

@@ -96,8 +96,10 @@ def load_plan(
     try:
         with naming(path, MapError, lambda: source_files(text)):
             if known:
-                return _stretched(known.load(path, level), resolution)
-            return _loader(path, resolution, columns)(path)
+                plan = _stretched(known.load(path, level), resolution)
+            else:
+                plan = _loader(path, resolution, columns)(path)
+            return replace(plan, file=shown_path(Path(text)))
     except GEOSException as error:
         raise MapError(
             f"{text}: its outlines cannot be put together: {cause(error)}; look for points that are "

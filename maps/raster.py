@@ -56,6 +56,7 @@ class PlanRaster:
             where the numbers fit, else int32.
         resolution: Side of a cell in metres.
         origin: Pose of the lower left corner of cell (0, 0).
+        plan: The floor plan, as messages name it; empty where nobody knows.
 
     Raises:
         MapError: The shapes differ, the resolution is unusable, there is no free cell, or a room has an id
@@ -66,6 +67,7 @@ class PlanRaster:
     room_ids: Labels
     resolution: float
     origin: Pose = field(default=Pose(0.0, 0.0, 0.0))
+    plan: str = field(default="", repr=False, kw_only=True)
     _cache: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -202,7 +204,8 @@ class PlanRaster:
         areas = self._areas(robot_radius)
         if start is None:
             if not areas:
-                raise MapError(f"a robot of radius {robot_radius:g} m fits nowhere in this floor plan")
+                told = f"{self.plan}: " * bool(self.plan)
+                raise MapError(f"{told}a robot of radius {robot_radius:g} m fits nowhere in this floor plan")
             return 0
         row, col = start
         inside = 0 <= row < self.shape[0] and 0 <= col < self.shape[1]

@@ -71,14 +71,16 @@ def load_school_xml(path: str | os.PathLike[str]) -> FloorPlan:
 
 def _scale(root: ElementTree.Element, path: Path) -> float:
     """Metres a pixel."""
-    texts = [root.findtext(f"scale/{name}/value") for name in ("represented_distance", "real_distance")]
     unit = (root.findtext("scale/real_distance/um") or "cm").strip().lower()
-    try:
-        pixels, real = (float(text or "") for text in texts)
-    except ValueError:
-        raise MapError(
-            f"{path}: no usable <scale>: represented_distance and real_distance need a number each"
-        ) from None
+    found = []
+    for name in ("represented_distance", "real_distance"):
+        text = root.findtext(f"scale/{name}/value")
+        value = _number(text)
+        if value is None:
+            told = "is missing" if text is None else f"is no finite number: {shortened(text)}"
+            raise MapError(f"{path}: no usable <scale>: the value of {name} {told}")
+        found.append(value)
+    pixels, real = found
     scale = real * _METRES.get(unit, math.nan) / pixels if pixels > 0 else math.nan
     if not 0 < scale <= MOST_METRES:
         raise MapError(f"{path}: the scale {real:g} {shortened(unit)} = {pixels:g} pixels makes no sense")
@@ -94,7 +96,10 @@ def read_spaces(
     for number, space in enumerate(root.iter("space"), start=1):
         key = space.get("id") or ""
         key = f"space {number}" if not key or key in points else key  # of one id, both are rooms
-        ring = [_point(node, scale, path) for node in space.iterfind("bounding_polygon/point")]
+        ring = [
+            _point(node, scale, f"{path}: space {shortened(key)}, point {k} of its bounding_polygon")
+            for k, node in enumerate(space.iterfind("bounding_polygon/point"), start=1)
+        ]
         if not ring:
             empty += 1
             continue
@@ -132,15 +137,37 @@ def _outlines(points: dict[str, list[Point]], path: Path) -> dict[str, Polygon]:
     return outlines
 
 
-def _point(node: ElementTree.Element, scale: float, path: Path) -> Point:
+def _number(text: str | None) -> float | None:
+    """A finite number; None of what is none."""
     try:
-        x, y = (float(node.get(key, "")) * scale for key in "xy")
+        value = float(text or "")
     except ValueError:
-        x = y = math.nan
-    if not (abs(x) <= MOST_METRES and abs(y) <= MOST_METRES):
-        shown = f"x={shortened(node.get('x'))} y={shortened(node.get('y'))}"
-        raise MapError(f"{path}: a point has unusable coordinates {shown}")
-    return x, -y
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _point(node: ElementTree.Element, scale: float, where: str) -> Point:
+    """A point in metres, y up.
+
+    Args:
+        node: Has x and y in pixels.
+        scale: Metres a pixel.
+        where: The file and the element, for messages.
+    """
+    found = []
+    for name in "xy":
+        text = node.get(name)
+        value = _number(text)
+        if value is None:
+            told = f"has no {name}" if text is None else f"{name}={shortened(text)} is no finite number"
+            raise MapError(f"{where}: unusable coordinates: {told}")
+        if abs(value * scale) > MOST_METRES:
+            raise MapError(
+                f"{where}: unusable coordinates: {name}={shortened(text)} is {value * scale:.3g} m from the "
+                f"origin, and {MOST_METRES:g} m is the most"
+            )
+        found.append(value * scale)
+    return found[0], -found[1]
 
 
 def _portals(
@@ -156,11 +183,12 @@ def _portals(
         if len(names) != 2 or names[0] == names[1] or not all(name in ids for name in names):
             continue
         a, b = sorted(ids[name] for name in names)
-        node = segments.get(portal.findtext("linesegment"))
+        segment = portal.findtext("linesegment")
+        node = segments.get(segment)
         if node is None:
             lost.append((a, b))
             continue
-        x, y = _point(node, scale, path)
+        x, y = _point(node, scale, f"{path}: linesegment {shortened(segment)}, its first point")
         places = found.setdefault((a, b), [])
         if all(math.dist(place, (x, y)) > DOOR_WIDTH / 2 for place in places):
             places.append((x, y))

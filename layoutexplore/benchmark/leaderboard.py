@@ -33,6 +33,7 @@ from layoutexplore.benchmark.runner import run_task
 from layoutexplore.benchmark.store import ResultsFolder
 from layoutexplore.benchmark.suite import Suite, cells_of
 from layoutexplore.errors import LayoutExploreError, ResultsError, checks_arguments
+from layoutexplore.files.reading import shown_path
 
 REPEATED = 3
 """Runs of each agent that are made again."""
@@ -152,7 +153,10 @@ def make_leaderboard(
     baseline = suite.config().baseline
     if baseline not in entrants:
         reasons = "".join(f"\n  {out}" for out in left_out)
-        raise ResultsError(f"there are no results of {baseline} to compare with in these folders{reasons}")
+        raise ResultsError(
+            f"there are no results of {baseline} to compare with in these folders, of suite {suite.name} "
+            f"(--suite names another){reasons}"
+        )
     buildings = {name: plan.building for name, plan in suite.plans.items()}
     return Leaderboard(
         suite=suite.name,
@@ -181,7 +185,8 @@ def _of_folder(
     try:
         manifest, rows = folder.manifest(), folder.rows()
     except ResultsError as error:
-        return [LeftOut(agent="", folder=folder.path, reason=str(error))]
+        reason = str(error).removeprefix(f"{shown_path(folder.path)} ")
+        return [LeftOut(agent="", folder=folder.path, reason=reason)]
     if reason := _of_other_cells(manifest, suite.cells):
         return [LeftOut(agent="", folder=folder.path, reason=reason)]
     wanted = _cells(suite.cells)

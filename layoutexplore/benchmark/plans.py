@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from layoutexplore.benchmark.config import BenchmarkConfig
 from layoutexplore.benchmark.rows import RunKey
 from layoutexplore.errors import ConfigError, MapError, StartError, unknown_name
+from layoutexplore.files import naming
+from layoutexplore.files.limits import limits, raise_it
 from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.library import cached_plan
@@ -59,13 +62,20 @@ def entry(source: str, simulation: SimulationConfig) -> PlanEntry:
     """Load a plan and see that the robot fits into it.
 
     Raises:
-        MapError: The plan cannot be read, or has no place for the robot.
+        MapError: The plan cannot be read, has no place for the robot, or more cells than results are read
+            with.
     """
     plan = cached_plan(source)
-    try:
-        reachable = plan.rasterize(simulation.resolution).reachable(simulation.robot_radius)
-    except MapError as error:
-        raise MapError(f"{source}: {error}") from error
+    with naming(Path(source), MapError):
+        raster = plan.rasterize(simulation.resolution)
+        rows, cols = raster.shape
+        if rows * cols > (most := limits().image_pixels):
+            raise MapError(
+                f"{rows} x {cols} cells of {raster.resolution:g} m, and results have no more than the limit "
+                f"image_pixels, {most:g}: choose a coarser resolution ([simulation] of --config), unless a "
+                f"part lies astray, or {raise_it('image_pixels', rows * cols)}"
+            )
+        reachable = raster.reachable(simulation.robot_radius)
     return PlanEntry(
         name=plan.name,
         source=source,

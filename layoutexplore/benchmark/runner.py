@@ -48,10 +48,10 @@ from layoutexplore.maps.library import cached_plan, find_plans
 from layoutexplore.options import JOBS, check_kind
 from layoutexplore.plugins.transport import NO_CODE, OwnCode, pack_own_code
 from layoutexplore.processes import asked_to_stop
-from layoutexplore.processes.kernel_list import compile_kernels, missing_kernels, uses_of_runs
+from layoutexplore.processes.kernel_list import LARGE_MAP, compile_before, uses_of_runs
 from layoutexplore.simulation.config import SimulationConfig
 from layoutexplore.simulation.episode import play, run_seed
-from layoutexplore.simulation.state import raster_of
+from layoutexplore.simulation.state import is_large, raster_of
 
 MOST_RUNS = 1_000_000
 """So many runs a benchmark may have: the list of them must fit into memory."""
@@ -325,16 +325,18 @@ def uses_of(config: BenchmarkConfig, predicts: bool) -> set[str]:
 
 
 def _loaded(config: BenchmarkConfig, jobs: int, predicts: bool, watcher: BenchmarkWatcher) -> list[PlanEntry]:
-    """The floor plans; what reads and explores them is compiled before, if several processes can."""
+    """The floor plans; what reads and explores them is compiled, too, if several processes can."""
     sources = find_plans(config.plans)
     count = len(sources) * config.starts * len(config.sensors) * len(config.agents)
     if count > MOST_RUNS:
         raise ConfigError(f"{count} runs are more than {MOST_RUNS}: give fewer plans, starts or agents")
-    if jobs > 1 and (missing := missing_kernels(uses_of(config, predicts))):
-        watcher.say(f"compiling {counted(len(missing), 'kernel')}, which are kept for the next time")
-        compile_kernels(missing, jobs, watcher.compiled)
+    compile_before(uses_of(config, predicts), jobs, watcher.say, watcher.compiled)
     watcher.say(f"reading {counted(len(sources), 'floor plan')}")
-    plans = [entry(source, config.simulation) for source in sources]
+    plans, large = list[PlanEntry](), False
+    for source in sources:
+        plans.append(entry(source, config.simulation))
+        large = large or is_large(cached_plan(source), config.simulation)
+    compile_before([LARGE_MAP] * large, jobs, watcher.say, watcher.compiled)
     check_names(plans)
     check_poses(config, plans)
     return plans

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -230,12 +231,17 @@ def run_with_progress(
     from layoutexplore.processes import asked_to_stop, command_line, usable_cores
 
     try:
-        with ProgressLine(console, "runs") as line, ProgressLine(console, "kernels") as kernels:
+        with ProgressLine(console, "runs") as line, ExitStack() as bars:
+            kernels: list[ProgressLine] = []
+
+            def say(text: str) -> None:
+                kernels.append(bars.enter_context(ProgressLine(console, "kernels")))
+                line.say(text)
 
             def compiled(done: int, total: int) -> None:
-                kernels.advance(done, total, done / total)
+                kernels[-1].advance(done, total, done / total)  # twice, where a floor plan is large
                 if done == total:
-                    kernels.end()
+                    kernels[-1].end()
 
             def advance(progress: BenchmarkProgress) -> None:
                 row = progress.row
@@ -251,7 +257,7 @@ def run_with_progress(
                 force=force,
                 extend=extend,
                 command=command_line(),
-                watcher=BenchmarkWatcher(line.say, advance, compiled),
+                watcher=BenchmarkWatcher(say, advance, compiled),
             )
     except KeyboardInterrupt:
         without = " without --again" if settings.again else ""

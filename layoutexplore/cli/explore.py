@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from layoutexplore.benchmark.rows import Row
     from layoutexplore.cli.exploration import RunWatcher
     from layoutexplore.grids.grid import Pose
+    from layoutexplore.maps.floorplan import FloorPlan
     from layoutexplore.simulation.config import SimulationConfig
+    from layoutexplore.simulation.saved_run import SavedRun
     from layoutexplore.simulation.simulation import Simulation
 
 HELP = """Explore one floor plan with one agent; print what came of it, and film it.
@@ -115,6 +117,7 @@ PriorScale = Annotated[
 
 
 def explore(
+    context: typer.Context,
     plan: PlanName,
     agent: AgentName = "nearest",
     sensor: SensorName = "stage",
@@ -153,11 +156,11 @@ def explore(
     saved = read_saved_run(saved_state) if saved_state else None
     settings = saved.config if saved else _settings(config, sensor, region, noise)
     if saved:
-        agent, seed, sensor = saved.notes.get("agent", agent), saved.seed, settings.lidar.name
+        agent, seed, sensor = _as_saved(saved, context)
     agent = with_prior(agent, prior, prior_scale)
     begin, until = parse_start(start), functools.partial(_has_come, pause_after)
     floor = load_plan(plan)
-    compile_missing(_uses(agent, settings))
+    compile_missing(_uses(agent, settings, floor))
     simulation, chosen = prepare(floor, settings, agent)
     note_unused(simulation)
     notes = notes_of(agent, chosen, simulation, saved.notes if saved else None)
@@ -178,6 +181,20 @@ def explore(
             console.print(f"wrote {path}", soft_wrap=True)
 
 
+def _as_saved(saved: SavedRun, context: typer.Context) -> tuple[str, int, str]:
+    """The agent, the seed and the sensor of a run that goes on; says which options are not heeded."""
+    asked, sensor = context.params, saved.config.lidar.name
+    kept = {"agent": saved.notes.get("agent", asked["agent"]), "seed": saved.seed, "sensor": sensor}
+    fixed = (*kept, "start", "region", "noise", "config")
+    given = [
+        name for name in fixed if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    ]
+    if other := [f"--{name}" for name in given if name not in kept or asked[name] != kept[name]]:
+        told = f"the run goes on as it was saved, with {kept['agent']}, seed {saved.seed} and {sensor}"
+        typer.echo(f"{', '.join(other)} not heeded: {told}", err=True)
+    return kept["agent"], saved.seed, sensor
+
+
 def _tell(row: Row, simulation: Simulation, watcher: RunWatcher, *, returns: bool, filmed: bool) -> None:
     """Print what came of a run, after the way back if there is to be one."""
     from layoutexplore.cli.exploration import summary, way_home
@@ -187,18 +204,20 @@ def _tell(row: Row, simulation: Simulation, watcher: RunWatcher, *, returns: boo
     plain_console().print(summary(row, filmed=filmed, back=back, prior=watcher.belief(simulation)))
 
 
-def _uses(agent: str, settings: SimulationConfig) -> set[str]:
+def _uses(agent: str, settings: SimulationConfig, floor: FloorPlan) -> set[str]:
     """What a run needs of what the list of kernels knows."""
     from layoutexplore.agents import make_agent
     from layoutexplore.frontiers.decision import predictor_of
-    from layoutexplore.processes.kernel_list import uses_of_runs
+    from layoutexplore.processes.kernel_list import LARGE_MAP, uses_of_runs
     from layoutexplore.simulation.config import SimulationConfig
-    from layoutexplore.simulation.state import is_noisy
+    from layoutexplore.simulation.state import is_large, is_noisy
 
     sensor, predictor = settings.lidar.name, predictor_of(make_agent(agent))
     plain = sensor == SimulationConfig().lidar.name and not is_noisy(settings)
     uses = uses_of_runs([agent], [] if plain else [sensor], predicts=predictor != "none")
-    return uses | {"a prior plan"} if str(predictor).startswith("prior:") else uses
+    if str(predictor).startswith("prior:"):
+        uses.add("a prior plan")
+    return uses | {LARGE_MAP} if is_large(floor, settings) else uses
 
 
 def _has_come(metres: float | None, simulation: Simulation) -> bool:

@@ -62,6 +62,7 @@ def show_frontiers(
     closed where it leads to no more than the rest of such a room, and open where it leads on.
     """
     from layoutexplore.agents import make_agent
+    from layoutexplore.cli.explore import parse_start
     from layoutexplore.errors import ConfigError, LayoutExploreError
     from layoutexplore.files import check_places, naming
     from layoutexplore.frontiers.decision import Privileged, predictor_of
@@ -69,6 +70,7 @@ def show_frontiers(
     from layoutexplore.predictors.robot_map import RobotMap
 
     check_places(out)
+    pose = parse_start(at, "--at")
     config = picture_config(
         resolution=resolution,
         unknown_grey=unknown_grey,
@@ -81,7 +83,7 @@ def show_frontiers(
     robot_map = RobotMap(predictor_of(chosen), sensor=sensor, robot_radius=robot_radius)
     grid = read_picture(source, config)
     with naming(source, LayoutExploreError):
-        decision = robot_map.decide(grid, _place(grid, at))
+        decision = robot_map.decide(grid, pose or _clearest(grid))
     choice = _answer(chosen, decision)
     way = robot_map.way(decision, choice)
     written = [] if out is None else _write(out / source.stem, decision, choice, way)
@@ -97,16 +99,13 @@ def show_frontiers(
     typer.echo(json.dumps(found)) if as_json else _print(found)
 
 
-def _place(grid: OccupancyGrid, text: str | None) -> Pose:
-    """Where the robot is: as it is told, or where it has the most room around it."""
+def _clearest(grid: OccupancyGrid) -> Pose:
+    """Where a robot has the most room around it."""
     import cv2
     import numpy as np
 
-    from layoutexplore.cli.explore import parse_start
     from layoutexplore.grids.grid import Pose
 
-    if (pose := parse_start(text, "--at")) is not None:
-        return pose
     free = np.pad(grid.free.astype(np.uint8), 1)
     row, col = np.unravel_index(cv2.distanceTransform(free, cv2.DIST_L2, 5)[1:-1, 1:-1].argmax(), grid.shape)
     return Pose(*grid.cell_to_world(int(row), int(col)))

@@ -99,6 +99,7 @@ def _names(maps: list[Path]) -> list[str]:
 
     stems = Counter(path.stem for path in maps)
     names = [p.stem if stems[p.stem] == 1 else f"{p.absolute().parent.name}_{p.stem}" for p in maps]
+    names = [name or "map" for name in names]  # of `.` and `/`, which are no maps and are told so
     counts = Counter(names)
     if twice := sorted({path.stem for path, name in zip(maps, names, strict=True) if counts[name] > 1}):
         raise ConfigError(

@@ -89,6 +89,7 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
     from layoutexplore.closed_doors.prediction import predict_closed_rooms
     from layoutexplore.importing.cleaning import without_noise
     from layoutexplore.layout.pipeline import METHOD_MODULES, reconstruct
+    from layoutexplore.processes.kernel_list import LARGE_MAP
     from layoutexplore.sensing.lidar import SENSORS
     from layoutexplore.simulation.config import SimulationConfig
     from layoutexplore.simulation.robot import OdometryNoise
@@ -112,7 +113,7 @@ def warm_up_steps() -> Iterator[tuple[str, Callable[[], object]]]:
         yield f"predictor {name}", partial(_predict, name)
     yield "closed doors", partial(_on_map, predict_closed_rooms)
     config = SimulationConfig(sensor="indoor", resolution=0.01)  # path lengths come from the map's corners
-    yield "a large map", partial(_explore, _apartment, config, "nearest")
+    yield LARGE_MAP, partial(_explore, _apartment, config, "nearest")
     yield "a recorded map", partial(_on_map, without_noise)
 
 

@@ -11,7 +11,7 @@ from types import TracebackType
 
 import numpy as np
 
-from layoutexplore.errors import ConfigError, WriteError, checks_making, require
+from layoutexplore.errors import ConfigError, WriteError, checks_making, require, shortened
 from layoutexplore.files import put_in_place
 from layoutexplore.grids.arrays import Bytes
 from layoutexplore.options import Rule, check_kind
@@ -54,7 +54,7 @@ class Film:
         check_kind("path", path, str, os.PathLike)
         path = Path(path)
         if path.suffix.lower() not in SUFFIXES:
-            raise ConfigError(f"a film is an {' or '.join(SUFFIXES)} file, got {path.name!r}")
+            raise ConfigError(f"a film is an {' or '.join(SUFFIXES)} file, got {shortened(str(path))}")
         Rule(above=0.0, high=120.0).convert("frames per second", fps)
         self.path = path
         self.fps = fps

@@ -2,28 +2,41 @@
 
 from __future__ import annotations
 
+import os
 import re
 import struct
+import tempfile
+import warnings
+import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, MapWarning, shortened
 from layoutexplore.files.limits import limits, raise_it
 from layoutexplore.files.reading import Kind, read_bytes
+from layoutexplore.processes import runs_alone
 
 _GAP = rb"(?:\s|#[^\n\r]*[\n\r])++"
 _PNM = re.compile(rb"P[1-6]" + _GAP + rb"(\d+)" + _GAP + rb"(\d+)")
 _PNM_WHITE = re.compile(rb"P([2356])" + _GAP + rb"\d+" + _GAP + rb"\d+" + _GAP + rb"(\d{1,5})\s")
 """Headers of the PNM family; kind, and level of white of those that declare one."""
 
+_PNG = b"\x89PNG\r\n\x1a\n"
+
+_PIXEL_PARTS = frozenset([b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND"])
+"""Chunks of a PNG that say what its pixels are; the others tell of colour profiles, times and the like."""
+
 _FRAMES = frozenset({*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC})
 """Markers of a JPEG file behind which its size stands."""
 
+
+_MOST_SAID = 300
+"""Bytes that are kept of what a decoder says."""
 
 Levels = NDArray[np.uint8] | NDArray[np.uint16]
 
@@ -51,6 +64,9 @@ def read_levels(path: Path, *, error: Kind = MapError) -> Levels:
     Raises:
         LayoutExploreError: Of the kind `error`: it cannot be read, is none of these or damaged, has more
             pixels than the limit, or pixels of neither 8 nor 16 bits.
+
+    Warns:
+        MapWarning: A photo is read although it is damaged.
     """
     return _read(path, error)[0]
 
@@ -70,9 +86,11 @@ def _read(path: Path, error: Kind) -> tuple[Levels, int | None]:
             f"{path}: {width} x {height} pixels, and the limit image_pixels is {limits().image_pixels:g}: "
             f"make it smaller, or {raise_it('image_pixels', width * height)}"
         )
-    pixels = _decoded(data)
+    pixels, said = _decoded(_pixels_alone(data) if data.startswith(_PNG) else data)
     if pixels is None or not pixels.size:
-        raise error(f"{path}: not an image, or a damaged one")
+        raise error(f"{path}: not an image, or a damaged one{f' ({said})' if said else ''}")
+    if said:
+        warnings.warn(f"{path}: {said}", MapWarning, stacklevel=3)
     if pixels.dtype not in (np.uint8, np.uint16):
         raise error(f"{path}: images of {pixels.dtype} pixels are not supported; use 8 or 16 bits")
     return pixels, _white(data)
@@ -86,18 +104,68 @@ def _white(data: bytes) -> int | None:
     return None if white in (0, 255, 65535) or is_heeded else white
 
 
-def _decoded(data: bytes) -> Any:
+def _pixels_alone(data: bytes) -> bytes:
+    """A PNG without what its pixels do not need; empty where a part that they need is damaged.
+
+    libpng prints on stderr what it finds, before OpenCV says that it failed: of damaged parts, and of colour
+    profiles that are a little wrong in pictures without a fault. Stderr is the whole process's: what other
+    threads and the processes that they start write there would be lost if it led elsewhere meanwhile. So
+    libpng is given what it has nothing to say of; see `_overheard` for other kinds, which have no checksums.
+    """
+    kept, place, kind = [data[:8]], 8, b""
+    while kind != b"IEND" and place + 12 <= len(data):
+        size, kind = struct.unpack_from(">I4s", data, place)
+        end = place + 12 + size
+        if kind in _PIXEL_PARTS:
+            kept.append(data[place:end])
+            if zlib.crc32(data[place + 4 : end - 4]) != int.from_bytes(data[end - 4 : end], "big"):
+                return b""
+        elif kind[:1].isupper():  # needed by its own word, and unknown
+            return b""
+        place = end
+    return b"".join(kept) if kind == b"IEND" else b""
+
+
+def _decoded(data: bytes) -> tuple[Any, str]:
+    """The pixels, None where there are none to be had, and what the decoder says of the file."""
     import cv2
 
     as_stored, as_shown = cv2.IMREAD_UNCHANGED, cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH
     is_photo = data.startswith(b"\xff\xd8")
     if data.startswith((b"P1", b"P2", b"P3")):
         data += b"\n"  # OpenCV does not read the last number of a text that ends with it
-    with _silent_opencv():
+    pixels = None
+    with _silent_opencv(), _overheard() as said, suppress(Exception):  # OpenCV's own, and that of memory
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), as_shown if is_photo else as_stored)
+    return pixels, "; ".join(said)
+
+
+@contextmanager
+def _overheard() -> Iterator[list[str]]:
+    """What a library prints on stderr meanwhile; it is not seen there.
+
+    Stderr is the whole process's, so this is left alone where other threads run: what they, or processes that
+    they start, write there could be lost. A library's words are seen then as they are.
+    """
+    said: list[str] = []
+    kept = -1
+    with ExitStack() as opened:
+        if runs_alone():
+            with suppress(OSError):  # no stderr, or nowhere to write
+                file = opened.enter_context(tempfile.TemporaryFile())
+                kept = os.dup(2)
+        if kept < 0:
+            yield said
+            return
+        opened.callback(os.close, kept)
+        os.dup2(file.fileno(), 2)
         try:
-            return cv2.imdecode(np.frombuffer(data, np.uint8), as_shown if is_photo else as_stored)
-        except Exception:  # OpenCV's own, and that of memory
-            return None
+            yield said
+        finally:
+            os.dup2(kept, 2)
+            file.seek(0)
+            lines = file.read(_MOST_SAID).decode(errors="replace").splitlines()
+            said += [line if line.isprintable() else shortened(line) for line in dict.fromkeys(lines) if line]
 
 
 @contextmanager
@@ -196,7 +264,7 @@ def _tiff(data: bytes) -> tuple[int, int]:
 
 
 _HEADERS: dict[bytes, Callable[[bytes], tuple[int, int]]] = {
-    b"\x89PNG\r\n\x1a\n": _png,
+    _PNG: _png,
     b"\xff\xd8": _jpeg,
     b"BM": _bmp,
     b"II*\0": _tiff,

@@ -72,7 +72,8 @@ def through_walls(plan: FloorPlan) -> FloorPlan:
     if not shut:
         return plan
     warnings.warn(
-        f"{plan.name}: {counted(len(shut), 'door')} had no gap as wide in the walls, which are cut there now",
+        f"{plan.file or plan.name}: {counted(len(shut), 'door')} had no gap as wide in the walls, which are "
+        "cut there now",
         MapWarning,
         stacklevel=2,
     )

@@ -15,6 +15,7 @@ from layoutexplore.errors import (
     checks_arguments,
     shortened,
 )
+from layoutexplore.files.reading import is_there
 from layoutexplore.grids.grid import OccupancyGrid, check_resolution
 from layoutexplore.grids.outside import without_outside
 from layoutexplore.grids.ros_map import (
@@ -128,6 +129,11 @@ def read_picture(path: str | os.PathLike[str], config: PictureConfig | None = No
             f"{path}: is a floor plan, no map or image: `layoutexplore maps show` and `layoutexplore maps "
             "import` read it, as every command does that takes floor plans"
         )
+    if is_there(path) and path.is_dir():
+        first = next(
+            (f for ending in (*YAML_SUFFIXES, *IMAGE_SUFFIXES) for f in path.glob(f"*{ending}")), None
+        )
+        raise MapError(f"{path}: is a folder: name one map inside it{f', as {first}' if first else ''}")
     if config.blueprint and suffix in YAML_SUFFIXES:
         raise MapError(f"{path}: a ROS map is no blueprint; give the image itself and its scale")
     if config.resolution is not None and suffix in YAML_SUFFIXES:

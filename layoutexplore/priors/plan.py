@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from layoutexplore.errors import MapError, checks_arguments, checks_calls
+from layoutexplore.errors import ConfigError, MapError, checks_arguments, checks_calls
 from layoutexplore.grids.arrays import Floats, Ints32, Mask, shows_shapes
 from layoutexplore.grids.morphology import draw_way, nearest_cells
 from layoutexplore.maps.floorplan import FloorPlan, Room
@@ -162,13 +162,37 @@ class PriorPlan:
 
 
 @checks_arguments
+def check_here(hints: PriorHints, box: tuple[float, float, float, float], where: str) -> None:
+    """See that the point where the robot starts, if one is told, lies within a plan.
+
+    Args:
+        hints: What is told.
+        box: Least x and y, and greatest ones, of the plan.
+        where: Its name and unit, for messages.
+
+    Raises:
+        ConfigError: It does not.
+    """
+    if hints.here is None:
+        return
+    (x, y), (x0, y0, x1, y1) = hints.here, box
+    if not (x0 <= x <= x1 and y0 <= y <= y1):
+        raise ConfigError(
+            f"hint here: {x:g}/{y:g} lies outside of {where}: x is from {x0:g} to {x1:g}, y from {y0:g} to "
+            f"{y1:g}"
+        )
+
+
+@checks_arguments
 def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan:
     """A floor plan as a prior; its metres are believed unless a scale is told.
 
     Raises:
         MapError: The plan has no free space.
+        ConfigError: The robot is said to start outside of it.
     """
     hints = hints or PriorHints()
+    check_here(hints, plan.bounds, f"{plan.name}, in its metres")
     plan, factor = _in_metres(plan, hints.scale or 1.0)
     told = (hints.scale or 1.0) / factor
     resolution = RESOLUTION * max(

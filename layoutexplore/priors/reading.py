@@ -29,6 +29,7 @@ from layoutexplore.priors.plan import (
     LONGEST,
     PriorHints,
     PriorPlan,
+    check_here,
     expected_scale,
     plan_of_nothing,
     prior_of_plan,
@@ -78,6 +79,15 @@ class ReadPicture:
     corner: tuple[float, float]
 
 
+@dataclass(eq=False)
+class _Sheet:
+    """A picture while it is read: that its words cannot be is said once."""
+
+    image: Bytes
+    name: str
+    words: bool = True
+
+
 @checks_arguments
 def read_prior(path: str | os.PathLike[str], hints: PriorHints | None = None) -> PriorPlan:
     """A prior plan from a floor plan (file or name), or from a picture of one.
@@ -118,10 +128,12 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
 
     Raises:
         MapError: It shows no walls, is a photo of something else than a plan, or no picture.
+        ConfigError: The robot is said to start outside of the picture.
     """
     if image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
         raise MapError(f"a picture needs rows, columns and three colours, got shape {image.shape}")
     hints = hints or PriorHints()
+    check_here(hints, (0.0, 0.0, float(image.shape[1]), float(image.shape[0])), f"{name}, in its pixels")
     shrink = max(1.0, float(np.sqrt(image.shape[0] * image.shape[1] / MOST_PIXELS)))
     if shrink > 1:
         small = cv2.resize(image, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
@@ -140,7 +152,8 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
     pixel = told or LONGER_SIDE / max(float(np.ptp(dark, axis=0).max()), 1.0)
     # Thin walls of a plan that is larger than it was taken for would be erased as thin strokes.
     config = BlueprintConfig(wall_width=0.0)
-    drawn, corner = _drawing_of_lines(image, pixel, name) if told else _drawing(image, pixel, name, config)
+    sheet = _Sheet(image, name)
+    drawn, corner = _drawing_of_lines(sheet, pixel) if told else _drawing(sheet, pixel, config)
     spread = HINTED_SPREAD
     if not told:
         factor, spread = expected_scale(drawn)
@@ -149,7 +162,7 @@ def prior_of_picture(image: Bytes, *, name: str = "picture", hints: PriorHints |
             for _ in range(READINGS):
                 if max(factor, 1 / factor) <= READ_AGAIN:
                     break
-                drawn, corner = _drawing(image, drawn.resolution * factor, name, config)
+                drawn, corner = _drawing(sheet, drawn.resolution * factor, config)
                 factor, spread = expected_scale(drawn)
         spread = max(spread, PICTURE_SPREAD)
         drawn = drawn.rescaled(factor, spread)
@@ -196,11 +209,9 @@ def paper_share(image: Bytes) -> float:
     return float(np.mean(small >= PAPER_LEVEL * paper))
 
 
-def _drawing(
-    image: Bytes, pixel: float, name: str, config: BlueprintConfig
-) -> tuple[PriorPlan, tuple[float, float]]:
+def _drawing(sheet: _Sheet, pixel: float, config: BlueprintConfig) -> tuple[PriorPlan, tuple[float, float]]:
     """The plan of a picture at that many metres a pixel, and the pixel of its lower left corner."""
-    grid = _walls_of(image, pixel, config)
+    grid = _walls_of(sheet, pixel, config)
     walls = grid.cells == OCCUPIED
     rows, cols = _place_of(walls)
     cells = grid.cells[rows, cols].copy()
@@ -210,27 +221,30 @@ def _drawing(
     labels = reconstruct(part, "doorways").room_labels()
     free = cells == FREE
     ids = np.where(free, labels, 0).astype(np.int32)
-    prior = PriorPlan(name=name, free=free, room_ids=ids, resolution=pixel)
-    return prior, (float(cols.start), float(image.shape[0] - rows.start))
+    prior = PriorPlan(name=sheet.name, free=free, room_ids=ids, resolution=pixel)
+    return prior, (float(cols.start), float(sheet.image.shape[0] - rows.start))
 
 
-def _drawing_of_lines(image: Bytes, pixel: float, name: str) -> tuple[PriorPlan, tuple[float, float]]:
+def _drawing_of_lines(sheet: _Sheet, pixel: float) -> tuple[PriorPlan, tuple[float, float]]:
     """The same at a scale that is told: thin strokes are no walls, unless they are all that parts rooms."""
     with contextlib.suppress(MapError):
-        found = _drawing(image, pixel, name, BlueprintConfig())
+        found = _drawing(sheet, pixel, BlueprintConfig())
         if found[0].rooms > 1:
             return found
-    return _drawing(image, pixel, name, BlueprintConfig(wall_width=0.0))
+    return _drawing(sheet, pixel, BlueprintConfig(wall_width=0.0))
 
 
-def _walls_of(image: Bytes, pixel: float, config: BlueprintConfig) -> OccupancyGrid:
+def _walls_of(sheet: _Sheet, pixel: float, config: BlueprintConfig) -> OccupancyGrid:
     """The picture as a grid; without the OCR, words are told from walls by their size alone."""
     try:
-        return grid_from_blueprint(image, pixel, config=config)
+        return grid_from_blueprint(sheet.image, pixel, config=dataclasses.replace(config, words=sheet.words))
     except MissingExtraError as error:
-        text = f"words on the picture of a prior plan are erased by their size alone: {error}"
+        if not sheet.words:
+            raise
+        sheet.words = False
+        text = f"{sheet.name}: words are erased by their size alone: {error}"
         warnings.warn(text, MapWarning, stacklevel=2)
-        return grid_from_blueprint(image, pixel, config=dataclasses.replace(config, words=False))
+        return _walls_of(sheet, pixel, config)
 
 
 def _place_of(walls: Mask) -> tuple[slice, slice]:

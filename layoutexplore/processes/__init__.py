@@ -42,6 +42,16 @@ def usable_cores() -> int:
     return int(cpu_count())
 
 
+_WAITS = "layoutexplore waits for the end"
+"""Name of threads that do nothing but that, and end the process then."""
+
+
+def runs_alone() -> bool:
+    """Whether no other thread of this process runs, but for those that wait for its end."""
+    here = threading.current_thread()
+    return all(thread is here or thread.name == _WAITS for thread in threading.enumerate())
+
+
 def end_with_parent() -> None:
     """End this worker as soon as the process that started it has ended, even when that was killed.
 
@@ -51,7 +61,7 @@ def end_with_parent() -> None:
     """
     parent = multiprocessing.parent_process()
     if parent is not None:
-        threading.Thread(target=_follow, args=(parent,), daemon=True).start()
+        threading.Thread(target=_follow, args=(parent,), name=_WAITS, daemon=True).start()
 
 
 def _follow(parent: BaseProcess) -> None:
@@ -123,7 +133,7 @@ def end_on_signals() -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
     signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
-    threading.Thread(target=_guard, args=(reader,), daemon=True).start()
+    threading.Thread(target=_guard, args=(reader,), name=_WAITS, daemon=True).start()
     before = {number: signal.signal(number, _ask) for number in ASKING}
 
     def forget() -> None:

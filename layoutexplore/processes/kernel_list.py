@@ -22,6 +22,9 @@ from layoutexplore.processes.pools import start_pool, stop_pool
 
 FILE = "kernels.json"
 
+LARGE_MAP = "a large map"
+"""What is needed of the list besides where a floor plan `is_large` (see `layoutexplore.simulation.state`)."""
+
 _PLAIN = (types.Number, types.Boolean)
 _NAMED: Any = types.BaseNamedTuple
 _TUPLE: Any = types.BaseTuple
@@ -64,6 +67,22 @@ def compile_kernels(kernels: Sequence[Kernel], jobs: int, told: Told = lambda do
         told(len(kernels), len(kernels))
     finally:
         stop_pool(pool)
+
+
+def compile_before(
+    uses: Iterable[str], jobs: int, say: Callable[[str], object], told: Told = lambda done, total: None
+) -> None:
+    """Compile what some uses need and no cache has, unless there is one process only to do it.
+
+    Args:
+        uses: As of `missing_kernels`.
+        jobs: Processes.
+        say: Told that it begins.
+        told: See `Told`.
+    """
+    if jobs > 1 and (missing := missing_kernels(uses)):
+        say(f"compiling {len(missing)} kernel{'s' * (len(missing) > 1)}, kept for the next time")
+        compile_kernels(missing, jobs, told)
 
 
 def missing_kernels(uses: Iterable[str]) -> list[Kernel]:

@@ -99,12 +99,10 @@ def line_chart(
         values: By name, one interval a stratum; NaN where there is none.
         strata: Labels along the x axis.
         main: The name that wears the first colour.
-        low: Where the y axis begins, unless a value is less.
+        low: Where the y axis begins, unless a value or the end of a whisker is less.
         high: Where it ends, unless one is greater.
     """
-    found = [value.estimate for line in values.values() for value in line if math.isfinite(value.estimate)]
-    low = _STEP * math.floor(min([low, *found]) / _STEP)
-    high = _STEP * math.ceil(max([high, *found]) / _STEP)
+    low, high = _reach([value for line in values.values() for value in line], low, high)
     slot = 100 / max(len(strata), 1)
 
     def height(value: float) -> float:
@@ -135,6 +133,16 @@ def line_chart(
     levels = [low + n * _STEP for n in range(0, count + 1, every)]
     y_ticks = tuple((height(level), f"{level:g}".replace("-", "\N{MINUS SIGN}")) for level in levels)
     return Chart(tuple(series), Ticks(x_ticks, y_ticks))
+
+
+def _reach(values: Sequence[Interval], low: float, high: float) -> tuple[float, float]:
+    """Where an axis begins and ends; whiskers make it three times as long at most, and are cut off there."""
+    found = [value for value in values if math.isfinite(value.estimate)]
+    estimates, ends = [value.estimate for value in found], [end for value in found for end in value.ends]
+    low, high = min([low, *estimates]), max([high, *estimates])
+    longest = high - low
+    low, high = max(min([low, *ends]), low - longest), min(max([high, *ends]), high + longest)
+    return _STEP * math.floor(low / _STEP), _STEP * math.ceil(high / _STEP)
 
 
 def predictor_looks(names: Sequence[str], main: str = "") -> dict[str, tuple[str, str]]:

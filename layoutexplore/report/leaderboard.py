@@ -30,6 +30,7 @@ def write_leaderboard(board: Leaderboard, out: Path) -> list[Path]:
     view: dict[str, Any] = {
         "board": board,
         "baseline": board.baseline,
+        "repeated": any(standing.entrant.repeated for standing in board.standings),
         "forest": forest(comparisons),
         "sensors": sensors if len(sensors) > 1 else [],
         "metrics": METRICS,

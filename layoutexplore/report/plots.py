@@ -87,9 +87,9 @@ def forest(comparisons: Sequence[Comparison], metric: str = "d95") -> ForestPlot
     """
     shown = sorted((c for c in comparisons if c.metric == metric), key=lambda c: c.ratio.estimate)
     guards = {c.agent: c for c in comparisons if c.metric == "d99"}
-    ends = [
-        v for c in shown if c.ratio.estimate < _ODD for v in (c.ratio.low, c.ratio.high, c.ratio.estimate)
-    ]
+    usual = [c.ratio for c in shown if c.ratio.estimate < _ODD]
+    marks = [c.ratio.estimate for c in guards.values() if c.ratio.estimate < _ODD]
+    ends = [v for ratio in usual for v in (ratio.low, ratio.high, ratio.estimate)] + marks
     low = max(RATIO_LIMITS[0], min([0.8, *filter(math.isfinite, ends)]) / 1.03)
     high = min(RATIO_LIMITS[1], max([1.25, *filter(math.isfinite, ends)]) * 1.03)
 
@@ -256,8 +256,9 @@ def pictures_of_tracks(
         }
         captions: dict[Row, list[str]] = {}
         for caption, picked in picks.items():
+            is_said = len(honest) > 1 or caption not in ("best", "worst")  # of one alone, it is neither
             for row in picked:
-                captions.setdefault(row, []).append(caption)
+                captions.setdefault(row, []).extend([caption] * is_said)
         cards = [_picture(folder, ", ".join(c), row, level) for row, c in captions.items()]
         found.append((f"{plan}, start {start}, {sensor}", cards))
     return found

@@ -39,8 +39,8 @@ def warn_of_plan(plan: FloorPlan, raster: PlanRaster, radius: float, *, whole: b
     scale = plan.metadata.get("scale", "")
     if ASSUMED in scale:
         warnings.warn(
-            f"{plan.name}: its scale is a guess, {scale}, and all lengths with it; `layoutexplore maps "
-            "import FILE --scale-by '3.2 m = 118 px' --out PLAN.geojson` sets it",
+            f"{plan.file or plan.name}: its scale is a guess, {scale}, and all lengths with it; "
+            "`layoutexplore maps import FILE --scale-by '3.2 m = 118 px' --out PLAN.geojson` sets it",
             MapWarning,
             stacklevel=2,
         )
@@ -72,9 +72,9 @@ def warn_of_reach(plan: FloorPlan, raster: PlanRaster, radius: float, start: Cel
         cell = raster.resolution**2
         where = "its largest part" if start is None else "the start's part"
         warnings.warn(
-            f"{plan.name}: {(free - seen) / free:.0%} of the floor ({(free - seen) * cell:.0f} of "
-            f"{free * cell:.0f} m2) cannot be reached from {where} by a robot {2 * radius:g} m wide and is "
-            "not explored; `layoutexplore maps import FILE --out PLAN.geojson` says where",
+            f"{plan.file or plan.name}: {(free - seen) / free:.0%} of the floor ({(free - seen) * cell:.0f} "
+            f"of {free * cell:.0f} m2) cannot be reached from {where} by a robot {2 * radius:g} m wide and "
+            "is not explored; `layoutexplore maps import FILE --out PLAN.geojson` says where",
             MapWarning,
             stacklevel=2,
         )

@@ -81,6 +81,18 @@ class SavedRun:
     arrays: dict[str, NDArray[Any]]
     raster_hash: str = ""
 
+    def _of_another(self, simulation: Simulation) -> str:
+        """Why the run cannot go on in a simulation; empty where it can."""
+        plan = simulation.plan
+        if plan.content_hash != self.content_hash:
+            changed = ", which is another plan now: its geometry has changed"
+            return changed if plan.name == self.plan else f", and {shortened(plan.name)} is another plan"
+        if simulation.config != self.config:
+            return " with another configuration"
+        if self.raster_hash in ("", plan.raster_hash):
+            return ""
+        return " with another plan: one of the same geometry, whose ids of rooms or rooms of doors are others"
+
     def restore(self, simulation: Simulation, agent: Agent | None = None) -> Decision:
         """Bring a simulation to where the run stopped; the decision that is due there.
 
@@ -95,15 +107,8 @@ class SavedRun:
             ConfigError: The simulation has another floor plan or configuration.
             ResultsError: The same moves lead elsewhere: the file comes from another version.
         """
-        if simulation.plan.content_hash != self.content_hash or simulation.config != self.config:
-            raise ConfigError(
-                f"this run was saved on {shortened(self.plan)} with another plan or configuration"
-            )
-        if self.raster_hash not in ("", simulation.plan.raster_hash):
-            raise ConfigError(
-                f"this run was saved on {shortened(self.plan)} with another plan: one of the same geometry, "
-                "whose ids of rooms or rooms of doors are others"
-            )
+        if reason := self._of_another(simulation):
+            raise ConfigError(f"this run was saved on {shortened(self.plan)}{reason}")
         predictor = simulation.predictor
         asks = agent is not None and remembers(agent, otherwise=True)
         predicts = asks or remembers(predictor, otherwise=False)

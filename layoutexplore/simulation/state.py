@@ -21,7 +21,7 @@ from layoutexplore.grids.grid import Pose
 from layoutexplore.maps.floorplan import FloorPlan
 from layoutexplore.maps.raster import PlanRaster
 from layoutexplore.options import SEED, check_kind
-from layoutexplore.planning.traversability import Traversability
+from layoutexplore.planning.traversability import LARGE, Traversability
 from layoutexplore.sensing.lidar import Lidar, LidarConfig
 from layoutexplore.sensing.mapper import Mapper, ScanUpdate
 from layoutexplore.simulation.config import SimulationConfig
@@ -240,6 +240,12 @@ def raster_of(plan: FloorPlan, config: SimulationConfig) -> PlanRaster:
         raster = plan.rasterize(config.resolution, margin=min(margin, BENT_MOST))
     warn_of_plan(plan, raster, config.robot_radius, whole=config.region is None)
     return raster
+
+
+def is_large(plan: FloorPlan, config: SimulationConfig) -> bool:
+    """Whether the map of a whole floor plan has so many cells that paths on it are found in another way."""
+    x0, y0, x1, y1 = plan.bounds
+    return config.region is None and (x1 - x0) * (y1 - y0) >= LARGE * config.resolution**2
 
 
 def world_of(plan: FloorPlan, config: SimulationConfig) -> tuple[PlanRaster, Lidar]:

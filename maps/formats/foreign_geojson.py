@@ -231,6 +231,7 @@ def _from_walls(
         building=building,
         places=places,
         metadata=metadata,
+        where=str(path),
     )
 
 

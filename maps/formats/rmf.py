@@ -97,6 +97,7 @@ def load_rmf(path: str | os.PathLike[str], level: str = "") -> FloorPlan:
         name=f"{stem}-{name}",
         building=stem,
         metadata={"format": "Open-RMF building", "level": name},
+        where=where,
     )
 
 

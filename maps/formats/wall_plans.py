@@ -36,6 +36,7 @@ def plan_from_walls(
     building: str = "",
     places: Sequence[tuple[str, Polygon]] = (),
     metadata: Mapping[str, str] | None = None,
+    where: str = "",
 ) -> FloorPlan:
     """A floor plan of the pieces that walls and doors cut a floor into.
 
@@ -47,6 +48,7 @@ def plan_from_walls(
         building: The building's name.
         places: Labels of rooms, each with an area that lies in the room.
         metadata: Where it comes from.
+        where: What it is read from, for messages; its name when empty.
 
     Raises:
         MapError: No piece is large enough for a room, or there are more doors, corners or crossings than the
@@ -62,20 +64,21 @@ def plan_from_walls(
         >>> len(plan.rooms), plan.doors[0].rooms
         (2, (1, 2))
     """
-    check_plan(name, [area for _, area in places], doors)
-    check_outlines(name, [floor, walls, *doors])
+    where = where or name
+    check_plan(where, [area for _, area in places], doors)
+    check_outlines(where, [floor, walls, *doors])
     leaves = [door.buffer(DOOR_DEPTH, cap_style="square") for door in doors]
     pieces = polygons_of(shapely.make_valid(floor.difference(walls).difference(shapely.union_all(leaves))))
     rooms = [piece for piece in pieces if piece.area >= LEAST_ROOM]
     if not rooms:
-        raise MapError(f"{name}: the walls leave no piece of {LEAST_ROOM:g} m2 for a room")
+        raise MapError(f"{where}: the walls leave no piece of {LEAST_ROOM:g} m2 for a room")
     tree = shapely.STRtree(rooms)
     joined = [_sides(tree, door) for door in doors]
     # The places of doors that are left out are floor like that around them.
     gaps = [leaf for leaf, (a, b) in zip(leaves, joined, strict=True) if a == b]
     if gaps:
         warnings.warn(
-            f"{name}: {len(gaps)} of {len(doors)} doors join no two rooms and are left out",
+            f"{where}: {len(gaps)} of {len(doors)} doors join no two rooms and are left out",
             MapWarning,
             stacklevel=2,
         )

@@ -17,6 +17,7 @@ from layoutexplore.benchmark.suite import Suite, load_suite
 from layoutexplore.cli import app
 from layoutexplore.errors import ResultsError
 from layoutexplore.files import to_toml
+from layoutexplore.report.leaderboard import write_leaderboard
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +69,11 @@ def test_other_cells_are_left_out(suite: Suite, whole: Path, tmp_path: Path) -> 
     run_benchmark(dataclasses.replace(config, agents=("nearest",)), tmp_path / "other")
     said = reasons(tmp_path / "other", suite, whole)
     assert said[""] == "other cells than the suite's: different seed"
-    with pytest.raises(ResultsError, match=f"\n  {tmp_path / 'other'}: other cells"):
+    with pytest.raises(ResultsError, match=f"\n  {tmp_path / 'other'}: other cells") as caught:
         make_leaderboard([tmp_path / "other"], suite)
-    assert "no run.toml" in reasons(tmp_path / "nowhere", suite, whole)[""]
+    assert f"of suite {suite.name} (--suite names another)" in str(caught.value)
+    told = reasons(tmp_path / "nowhere", suite, whole)[""]
+    assert told.startswith("holds no benchmark: there is no run.toml"), "the folder stands beside it"
 
 
 def test_doors_that_lead_elsewhere_make_other_cells(copy: Path, suite: Suite, whole: Path) -> None:
@@ -145,6 +148,15 @@ def test_without_the_baseline_there_is_no_ranking(copy: Path, suite: Suite) -> N
     folder.rewrite([row for row in folder.rows() if row.agent != "nearest"])
     with pytest.raises(ResultsError, match="no results of nearest to compare with"):
         make_leaderboard([copy], suite, repeat=0)
+
+
+def test_one_run_in_one_building_is_no_more(whole: Path, suite: Suite, tmp_path: Path) -> None:
+    board = make_leaderboard([whole], suite, repeat=0)
+    write_leaderboard(dataclasses.replace(board, cells=1, buildings=1), tmp_path)
+    for name in ("leaderboard.html", "leaderboard.md"):
+        text = (tmp_path / name).read_text()
+        assert "1 building;" in text and "1 run of each agent" in text
+        assert "made again" in text and "came out" not in text, "none was repeated"
 
 
 def test_the_command_writes_page_and_tables(whole: Path, suite: Suite, tmp_path: Path) -> None:

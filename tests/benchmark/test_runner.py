@@ -26,6 +26,15 @@ from tests.benchmark.cases import timeless
 from tests.plans import FLAT, HOUSE
 
 
+def test_a_plan_whose_results_could_not_be_read_is_refused_at_once(
+    config: BenchmarkConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LAYOUTEXPLORE_LIMITS", "image_pixels=1000")
+    with pytest.raises(MapError, match=r"cottage\.geojson: \d+ x \d+ cells of .*, 1000: choose a coarser"):
+        run_benchmark(config, tmp_path / "out")
+    assert not (tmp_path / "out" / "run.toml").exists()
+
+
 def test_a_run_of_everything(config: BenchmarkConfig, tmp_path: Path) -> None:
     told: list[BenchmarkProgress] = []
     outcome = run_benchmark(config, tmp_path / "out", watcher=BenchmarkWatcher(advance=told.append))

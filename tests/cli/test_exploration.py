@@ -48,6 +48,19 @@ def test_a_run_pauses_and_goes_on(plan: str, tmp_path: Path) -> None:
         assert (tmp_path / "whole" / name).read_bytes() == (tmp_path / "rest" / name).read_bytes()
 
 
+def test_options_that_a_run_that_goes_on_does_not_heed_are_told(plan: str, tmp_path: Path) -> None:
+    state = tmp_path / "run.npz"
+    explore(plan, "--sensor", "indoor", "--pause-after", "5", "--save-state", str(state))
+    goes_on = (plan, "--continue", str(state), "--pause-after", "9")
+    assert "not heeded" not in "".join(explore(*goes_on, "--sensor", "indoor", "--agent", "nearest"))
+    told = explore(*goes_on, "--agent", "tour", "--sensor", "indoor", "--seed", "0", "--noise", "low")
+    assert (
+        "--agent, --noise not heeded: the run goes on as it was saved, with nearest, seed 0 and indoor"
+        in told
+    )
+    assert line(told, "agent, sensor") == "nearest, indoor"
+
+
 def test_a_run_that_goes_on_with_other_code_says_so(plan: str, tmp_path: Path) -> None:
     code, state = tmp_path / "mine.py", tmp_path / "run.npz"
     text = "class Mine:\n    def reset(self, seed): ...\n    def act(self, decision): return 0\n"

@@ -9,7 +9,11 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from layoutexplore.benchmark import runner
+from layoutexplore.benchmark.config import BenchmarkConfig
+from layoutexplore.benchmark.runner import BenchmarkWatcher
 from layoutexplore.cli import app, progress
+from layoutexplore.cli.benchmark import run_with_progress
 from layoutexplore.cli.progress import ProgressLine, plain_console, print_table
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -32,6 +36,32 @@ def test_how_far_it_is_is_told_on_narrow_terminals(width: int) -> None:
         line.advance(7, 12, 0.5, "apartment-01 stage layout-tour:predictor=rectangle")
     assert isinstance(console.file, io.StringIO)
     assert "7/12 runs" in console.file.getvalue()
+
+
+def test_kernels_that_are_compiled_later_have_a_bar_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a large floor plan more are needed, which is known once the plans are read."""
+    now = 0.0
+
+    def run(*_: object, watcher: BenchmarkWatcher, **__: object) -> None:
+        nonlocal now
+        for total in (40, 30):
+            watcher.say(f"compiling {total} kernels")
+            for done in (1, total):
+                now += 20.0
+                watcher.compiled(done, total)
+
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now)
+    monkeypatch.setattr(runner, "run_benchmark", run)
+    console = Console(file=io.StringIO(), width=200)
+    run_with_progress(console, BenchmarkConfig(plans=("apartment-01",)), Path("out"), jobs=2)
+    assert isinstance(console.file, io.StringIO)
+    lines = console.file.getvalue().splitlines()
+    assert [text for text in lines if text[0].isdigit()] == [
+        "1/40 kernels, 0:20 elapsed",
+        "40/40 kernels, 0:40 elapsed",
+        "1/30 kernels, 0:20 elapsed",
+        "30/30 kernels, 0:40 elapsed",
+    ]
 
 
 def test_names_that_look_like_markup_are_written_as_they_are() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from importlib import resources
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -14,6 +15,7 @@ from layoutexplore.layout.merging.walls.raggedness import is_ragged
 from layoutexplore.layout.pipeline import LAYOUTS, method_names
 from layoutexplore.processes import kernel_list
 from layoutexplore.processes.compilation import LISTENER
+from layoutexplore.processes.kernel_list import LARGE_MAP
 from layoutexplore.sensing.lidar import SENSORS
 
 
@@ -48,6 +50,24 @@ WITH_ROOMS = {"agent layout-tour", "a whole exploration"}
 def test_commands_compile_what_they_need_on_all_cores(
     words: list[str], needed: set[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    assert asked(words, monkeypatch) == {"a floor plan", *needed}
+
+
+@pytest.mark.parametrize(
+    ("resolution", "region", "is_large"),
+    [("0.01", [], True), ("0.1", [], False), ("0.01", ["--region", "0,0 2,0 2,2"], False)],
+)
+def test_of_a_large_plan_they_compile_more(
+    resolution: str, region: list[str], is_large: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "fine.toml").write_text(f"[simulation]\nresolution = {resolution}\n")
+    uses = asked(["explore", "PLAN", "--config", str(tmp_path / "fine.toml"), *region], monkeypatch)
+    assert (LARGE_MAP in uses) == is_large
+
+
+def asked(words: list[str], monkeypatch: pytest.MonkeyPatch) -> set[str]:
+    """What a command, with PLAN for an apartment, says that it needs compiled."""
+
     class AskedError(Exception):
         pass
 
@@ -58,8 +78,8 @@ def test_commands_compile_what_they_need_on_all_cores(
     plan = str(resources.files("layoutexplore.maps") / "plans" / "apartment-01.geojson")
     done = CliRunner().invoke(app, [plan if word == "PLAN" else word for word in words])
     assert isinstance(done.exception, AskedError)
-    assert set(done.exception.args) == {"a floor plan", *needed}
     assert set(done.exception.args) <= {name for name, _ in warm_up_steps()}
+    return set(done.exception.args)
 
 
 def test_it_is_shown_how_far_it_is_and_nothing_where_nothing_is_missing(

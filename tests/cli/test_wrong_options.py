@@ -36,6 +36,10 @@ WRONG: dict[str, str] = {
     "speed --only ryas": "did you mean 'rays'",
     "explore apartment-01 --region 0,0": 'three corners X,Y in metres or more in one text, as "0,0 4,0 4,3"',
     "explore apartment-01 --continue nowhere.npz": "there is no such file",
+    "explore apartment-01 --video .": "a film is an .mp4 or .gif file, got '.'",
+    "layout .": ".: is a folder: name one map inside it, as floor.png",
+    "layout /": "/: is a folder: name one map inside it",
+    "frontiers folder": "folder: is a folder: name one map inside it",
 }
 
 

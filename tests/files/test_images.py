@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
+import threading
+import zlib
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from layoutexplore.errors import MapError
+from layoutexplore.errors import MapError, MapWarning
 from layoutexplore.files.images import declared_size, read_levels, read_pixels
 
 MARK = np.zeros((20, 30), np.uint8)
@@ -83,3 +88,84 @@ def test_no_memory_is_asked_for_chunks_that_are_longer_than_their_file(
     monkeypatch.undo()
     path.write_bytes(data + b"what follows the end of an image")
     np.testing.assert_array_equal(read_pixels(path), MARK)
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    """A part of a PNG."""
+    checksum = zlib.crc32(kind + data)
+    return len(data).to_bytes(4, "big") + kind + data + checksum.to_bytes(4, "big")
+
+
+def test_a_damaged_png_is_told_once(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """libpng says nothing of its own on stderr."""
+    data = bytearray(cv2.imencode(".png", np.zeros((40, 50), np.uint8))[1].tobytes())
+    for place in (data.index(b"IHDR") + 9, data.index(b"IDAT") + 8, len(data) - 6):
+        broken = data[:]
+        broken[place] ^= 0xFF
+        (tmp_path / "map.png").write_bytes(broken)
+        with pytest.raises(MapError, match="damaged"):
+            read_levels(tmp_path / "map.png")
+    (tmp_path / "map.png").write_bytes(data[:33] + chunk(b"ABCD", b"?") + data[33:])
+    with pytest.raises(MapError, match="damaged"):
+        read_levels(tmp_path / "map.png")
+    assert capfd.readouterr().err == ""
+
+
+def test_what_a_png_tells_besides_its_pixels_says_nothing(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Programs for pictures write colour profiles that libpng finds wrong, in pictures without a fault."""
+    pixels = np.random.default_rng(0).integers(0, 256, (40, 50, 4), np.uint8)
+    data = cv2.imencode(".png", pixels)[1].tobytes()
+    profile = chunk(b"iCCP", b"sRGB\0\0" + zlib.compress(bytes(200)))
+    (tmp_path / "map.png").write_bytes(data[:33] + profile + data[33:])
+    assert np.array_equal(read_levels(tmp_path / "map.png"), pixels)
+    assert capfd.readouterr().err == ""
+
+
+def photo() -> bytes:
+    """A JPEG with a piece that is none of it."""
+    pixels = np.random.default_rng(0).integers(0, 256, (200, 200), np.uint8)
+    data = bytearray(cv2.imencode(".jpg", pixels)[1].tobytes())
+    data[5000:5200] = bytes(200)
+    return bytes(data)
+
+
+def test_what_a_decoder_says_of_a_file_is_told_with_its_name(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "photo.jpg").write_bytes(photo())
+    with pytest.warns(MapWarning, match=r"photo\.jpg: Corrupt JPEG data"):
+        assert read_levels(tmp_path / "photo.jpg").shape == (200, 200)
+    data = cv2.imencode(".png", np.zeros((40, 50), np.uint8))[1].tobytes()
+    short = chunk(b"IDAT", zlib.compress(bytes(100))) + chunk(b"IEND", b"")
+    (tmp_path / "map.png").write_bytes(data[:33] + short)  # all checksums are right
+    with pytest.raises(MapError, match=r"map\.png: not an image, or a damaged one \(libpng error: "):
+        read_levels(tmp_path / "map.png")
+    assert capfd.readouterr().err == ""
+    os.write(2, b"stderr leads where it led")
+    assert capfd.readouterr().err == "stderr leads where it led"
+
+
+def test_where_other_threads_run_stderr_is_left_to_them(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "photo.jpg").write_bytes(photo())
+    ended = threading.Event()
+    thread = threading.Thread(target=ended.wait)
+    thread.start()
+    try:
+        assert read_levels(tmp_path / "photo.jpg").shape == (200, 200)
+    finally:
+        ended.set()
+        thread.join()
+    assert "Corrupt JPEG data" in capfd.readouterr().err
+
+
+def test_a_command_has_no_other_threads(tmp_path: Path) -> None:
+    """But for one that waits for Ctrl-C, which prints nothing."""
+    (tmp_path / "photo.jpg").write_bytes(photo())
+    words = [sys.executable, "-m", "layoutexplore", "maps", "show", str(tmp_path / "photo.jpg")]
+    said = subprocess.run(words, capture_output=True, text=True, check=False).stderr.splitlines()
+    assert any("photo.jpg: Corrupt JPEG data" in line for line in said)
+    assert all(line.startswith("layoutexplore: ") for line in said), said

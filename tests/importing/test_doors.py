@@ -92,7 +92,7 @@ def test_a_door_that_somebody_has_drawn_is_cut_through_the_walls(tmp_path: Path)
         assert mended.walls.area - through_walls(longer).walls.area == pytest.approx(0.4 * 0.3)
     save_plan(plan, tmp_path / "plan.geojson")
     words = ["maps", "import", str(tmp_path / "plan.geojson"), "--out", str(tmp_path / "plan.geojson")]
-    with pytest.warns(MapWarning, match="had no gap"):
+    with pytest.warns(MapWarning, match=r"plan\.geojson: 1 door had no gap"):
         done = CliRunner().invoke(app, words)
     assert done.exit_code == 0 and "out of reach" not in done.output, done.output
     assert load_plan(tmp_path / "plan.geojson").walls.area == pytest.approx(mended.walls.area)

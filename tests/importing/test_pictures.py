@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -69,3 +70,12 @@ def test_a_blueprint_is_read_without_its_ocr(tmp_path: Path, monkeypatch: pytest
     assert grid.unknown[0, 0] and grid.free[100, 60]
     assert kept.free[0, 0] and np.array_equal(kept.occupied, grid.occupied)
     assert np.isclose(grid.resolution, 0.05)
+
+
+def test_of_a_folder_a_map_inside_it_is_asked_for(tmp_path: Path) -> None:
+    """As `explore --out` leaves one."""
+    with pytest.raises(MapError, match=r"is a folder: name one map inside it$"):
+        read_picture(tmp_path)
+    path = write_ros_map(tmp_path, np.full((9, 9), 254, np.uint8))
+    with pytest.raises(MapError, match=rf"is a folder: name one map inside it, as {re.escape(str(path))}$"):
+        read_picture(tmp_path)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+import shapely
 
 from layoutexplore.errors import MapError, MapWarning, UnknownNameError
 from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.maps import expand_plans, load_plan, plan_names, splits
+from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.geojson import save_plan
 from layoutexplore.maps.library import cached_plan
 from layoutexplore.maps.tracing import floorplan_from_ascii
@@ -185,3 +188,19 @@ def test_a_file_without_floors_is_an_error_and_in_a_folder_left_out(tmp_path: Pa
     assert expand_plans(streets)
     with pytest.warns(MapWarning, match=r"streets\.osm: left out: no floor is in it"):
         assert expand_plans(tmp_path) == [str(tmp_path / "own.geojson")]
+
+
+def test_what_a_plan_lacks_names_its_file(tmp_path: Path) -> None:
+    """Also later: that all of it is walled, or that a robot fits nowhere, is known once it has cells."""
+    path, room = tmp_path / "sheet.geojson", Room(id=1, polygon=shapely.box(0, 0, 4, 0.2))
+    save_plan(FloorPlan(name="one", rooms=(room,)), path)
+    raster = load_plan(path).rasterize(0.1)
+    told = rf"^{re.escape(str(path))}: plan 'one': a robot of radius 0\.2 m fits nowhere in this floor plan"
+    with pytest.raises(MapError, match=told):
+        raster.reachable(0.2)
+    save_plan(FloorPlan(name="one", rooms=(room,), walls=shapely.box(-1, -1, 5, 1)), path)
+    for plan in (load_plan(path), load_plan(path).stretched(2.0, 2.0), cached_plan(path)):
+        with pytest.raises(MapError, match=rf"^{re.escape(str(path))}: plan 'one' has no free space at"):
+            plan.rasterize(0.1)
+    imdf = write_imdf(tmp_path / "imdf")
+    assert load_plan(f"{imdf}#0").file == f"{imdf}#0" and not load_plan("apartment-01").file

@@ -92,7 +92,11 @@ def test_all_offices_load(data_dir: Path) -> None:
     [
         (lambda text: text[:300], "not readable as XML"),
         (lambda text: "<building/>", "scale"),
-        (lambda text: text.replace("<value>30</value>", ""), "scale"),
+        (lambda text: text.replace("<value>30</value>", ""), "<scale>: .* represented_distance is missing"),
+        (
+            lambda text: text.replace("<value>90<", "<value>1e999<"),
+            "real_distance is no finite number: '1e999'",
+        ),
         (lambda text: text.replace("<value>30</value>", "<value>0</value>"), "makes no sense"),
         (lambda text: text.replace("<um>cm</um>", "<um>parsec</um>"), "makes no sense"),
         (
@@ -110,6 +114,29 @@ def test_bad_school_xml(tmp_path: Path, change: Callable[[str], str], message: s
     with pytest.raises(MapError, match=message) as caught:
         load_plan(path)
     assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("was", "now", "message"),
+    [
+        ('x="200" y="200"', 'x="abc" y="200"', "space 'b', point 3 of its bounding_polygon: .* x='abc' is"),
+        ('x="200" y="200"', 'x="200" y="nan"', "space 'b', point 3 .* y='nan' is no finite number"),
+        ('x="200" y="200"', 'x="200" y="1e999"', "space 'b', point 3 .* y='1e999' is no finite number"),
+        ('x="200" y="200"', 'x="200"', "space 'b', point 3 .* has no y"),
+        (
+            'x="200" y="200"',
+            'x="1e99" y="200"',
+            "space 'b', point 3 .* x='1e99' is 3e\\+97 m from the origin",
+        ),
+        ('x="30" y="100"', 'x="" y="100"', "linesegment 's', its first point: .* x='' is no finite number"),
+    ],
+)
+def test_a_number_that_cannot_be_read_is_told_with_its_place(
+    tmp_path: Path, was: str, now: str, message: str
+) -> None:
+    (tmp_path / "bad.xml").write_text(SCHOOL.replace(was, now))
+    with pytest.raises(MapError, match=rf"bad\.xml: {message}"):
+        load_plan(tmp_path / "bad.xml")
 
 
 def test_all_schools_load_and_can_be_walked(data_dir: Path) -> None:

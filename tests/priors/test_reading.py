@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from layoutexplore.errors import LayoutExploreError, MapError, MapWarning, MissingExtraError
+from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, MapWarning, MissingExtraError
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.ros_map import save_grid
+from layoutexplore.maps.geojson import save_plan
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
 from layoutexplore.priors.plan import PriorHints, PriorPlan
 from layoutexplore.priors.presets import study_prior
@@ -93,11 +94,23 @@ def test_a_reading_of_words_that_fails_is_told(monkeypatch: pytest.MonkeyPatch) 
         raise MissingExtraError("tesseract has failed")
 
     monkeypatch.setattr("layoutexplore.layout.blueprint.find_words", killed)
-    with pytest.warns(MapWarning, match="words .* by their size alone: tesseract has failed"):
-        assert prior_of_picture(sheet()).prior.rooms >= 8
+    with pytest.warns(MapWarning, match="words .* by their size alone: tesseract has failed") as caught:
+        assert prior_of_picture(sheet(), name="wall.png").prior.rooms >= 8
+    (said,) = (str(warning.message) for warning in caught)
+    assert said.startswith("wall.png: "), "once, however often the picture is read"
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert study_prior("rough", office(), 0).prior.rooms >= 8  # a study would say it in each run
+
+
+def test_a_start_beside_the_plan_is_refused(tmp_path: Path) -> None:
+    save_plan(office(), tmp_path / "plan.geojson")
+    with pytest.raises(ConfigError, match=r"here: 900/3 lies outside of .*, in its metres: x is from 0"):
+        read_prior(tmp_path / "plan.geojson", PriorHints(here=(900.0, 3.0)))
+    picture = sheet()
+    rows, cols, _ = picture.shape
+    with pytest.raises(ConfigError, match=rf"outside of wall\.png, in its pixels: .* y from 0 to {rows}"):
+        prior_of_picture(picture, name="wall.png", hints=PriorHints(here=(cols / 2, rows + 1.0)))
 
 
 def test_a_told_scale_is_kept() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -17,11 +18,12 @@ from hypothesis import strategies as st
 from numba import types
 
 from layoutexplore.benchmark.config import QUICK_AGENTS, BenchmarkConfig
-from layoutexplore.benchmark.runner import uses_of
+from layoutexplore.benchmark.runner import run_benchmark, uses_of
 from layoutexplore.cli.warm_up import warm_up_steps
 from layoutexplore.grids.grid import Pose
 from layoutexplore.processes import kernel_list
-from layoutexplore.processes.kernel_list import is_kept, listed_kernels, meant, resolved, spelled
+from layoutexplore.processes.kernel_list import Kernel, is_kept, listed_kernels, meant, resolved, spelled
+from layoutexplore.simulation.config import SimulationConfig
 
 AGAIN = "made anew by: from layoutexplore.cli.warm_up import record; record()"
 
@@ -63,6 +65,28 @@ def test_what_a_benchmark_asks_for_is_listed(predicts: bool) -> None:
     config = BenchmarkConfig(plans=("apartment-01",), agents=(*QUICK_AGENTS, "layout-tour:rate=1"))
     assert uses_of(config, predicts) <= set(names)
     assert ("a whole exploration" in uses_of(config, predicts)) == predicts
+
+
+@pytest.mark.parametrize(("resolution", "more"), [(0.01, [["a large map"]]), (0.1, [[]])])
+def test_a_benchmark_of_a_large_plan_asks_for_more(
+    resolution: float, more: list[list[str]], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    class StopError(Exception):
+        pass
+
+    def note(uses: Iterable[str]) -> list[Kernel]:
+        asked.append(sorted(uses))
+        if len(asked) > 1:
+            raise StopError
+        return []
+
+    asked: list[list[str]] = []
+    monkeypatch.setattr(kernel_list, "missing_kernels", note)
+    settings = SimulationConfig(resolution=resolution)
+    config = BenchmarkConfig(plans=("apartment-01",), agents=("nearest",), simulation=settings)
+    with pytest.raises(StopError):
+        run_benchmark(config, tmp_path / "out", jobs=2)
+    assert asked[1:] == more and "a floor plan" in asked[0]
 
 
 def test_a_worker_that_dies_ends_the_bar(monkeypatch: pytest.MonkeyPatch) -> None:

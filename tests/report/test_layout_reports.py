@@ -334,6 +334,7 @@ def test_closed_doors_page(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     html = whole(out / "report.html")
     assert "reference, IoU 1.00" in html and "ours, IoU" in html and html.count("<img") == 4
+    assert '<table class="tight">' in html and "<th>floor</th>" in html and "By building" not in html
     assert (out / "pictures" / "flat_1_doors.png").is_file() and (out / "summary.csv").is_file()
     (row,) = csv.DictReader((out / "maps.csv").open())
     (score_,) = json.loads(numbers.read_text())["maps"]

@@ -61,6 +61,18 @@ def test_forest_without_intervals_and_with_a_guard() -> None:
     assert row.guard_place > drawn.one > row.place
 
 
+def test_the_axis_of_a_forest_reaches_as_far_as_its_guards() -> None:
+    ratios = {"bound": (0.65, 0.5), "tour": (0.9, 1.5), "random": (3.0, 5.0)}
+    both = [
+        comparison(name, pair[k], metric=metric)
+        for k, metric in enumerate(("d95", "d99"))
+        for name, pair in ratios.items()
+    ]
+    *rows, lost = forest(both).rows
+    assert [row.guard_place is not None and 0 < row.guard_place < 100 for row in rows] == [True, True]
+    assert lost.outside and lost.guard_place == 100
+
+
 def test_coverage_rises_from_the_lower_left_of_its_frame() -> None:
     x, mean = np.array([0.0, 0.5, 1.0]), np.array([0.0, 0.6, 0.9])
     curve = PooledCurve(agent="tour", x=x, mean=mean, low=0.5 * mean, high=mean, cells=2)

@@ -42,3 +42,12 @@ def test_paper_is_white_and_shows_the_whole_table(style: str) -> None:
     paper = block(style, "@media print")
     assert re.search(r"\.scroll \{[^}]*overflow: visible", paper), "wide tables were cut off"
     assert "print-color-adjust: exact" in paper, "browsers leave out backgrounds, which dots and bars are"
+
+
+def test_a_narrow_page_has_room_for_words_and_pictures(style: str) -> None:
+    narrow = block(style, "@media (max-width: 640px)")
+    assert re.search(r"body \{[^}]*overflow-wrap: break-word", style), "headings hold names of maps and files"
+    assert re.search(r"table\.words td:last-child \{[^}]*overflow-wrap: anywhere; min-width: 11em", narrow)
+    assert re.search(r"table\.words td:first-child \{[^}]*min-width: 7em", narrow)
+    page = (TEMPLATES / "studies" / "in_the_loop.html").read_text()
+    assert re.search(r"<img [^>]*min-width: \d+px", page), "as narrow as the head of its column"

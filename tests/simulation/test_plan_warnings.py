@@ -22,8 +22,8 @@ SPLIT = """
 """
 
 
-def said(plan_text: str, start: Pose | None = None, **metadata: str) -> list[str]:
-    plan = replace(floorplan_from_ascii(plan_text, resolution=1.0), metadata=metadata)
+def said(plan_text: str, start: Pose | None = None, file: str = "", **metadata: str) -> list[str]:
+    plan = replace(floorplan_from_ascii(plan_text, resolution=1.0, name="plan"), metadata=metadata, file=file)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         Simulation(plan).reset(seed=0, start=start)
@@ -34,7 +34,8 @@ def said(plan_text: str, start: Pose | None = None, **metadata: str) -> list[str
 def test_floor_out_of_reach_is_told_once() -> None:
     (told,) = said(SPLIT)
     assert "40% of the floor (14 of 35 m2) cannot be reached from its largest part" in told
-    assert "layoutexplore maps import" in told
+    assert told.startswith("plan: ") and "layoutexplore maps import" in told
+    assert said(SPLIT, file="flat/sheet.geojson")[0].startswith("flat/sheet.geojson: 40% of the floor")
     assert said(SPLIT.replace("#.......#.......#\n#########", "#...............#\n#########")) == []
 
 

@@ -178,6 +178,10 @@ def test_what_is_no_saved_run_is_refused(tmp_path: Path) -> None:
     save_simulation(simulation, file)
     with pytest.raises(ConfigError, match="another plan"):
         load_simulation(file, "office-01")
+    with pytest.raises(ConfigError, match=r"was saved on '(.*)', which is another plan now: its geometry"):
+        load_simulation(file, offices().stretched(2.0, 2.0))
+    with pytest.raises(ConfigError, match=r"with another configuration$"):
+        read_saved_run(file).restore(Simulation(offices(), SimulationConfig(sensor="short")))
     with pytest.raises(UnknownNameError, match=r"run\.npz: .* does not ship: give it as .*plan="):
         load_simulation(file)
     with pytest.raises(ResultsError, match="missing"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from pathlib import Path
 
@@ -43,6 +44,14 @@ def test_walls_and_doors_that_are_none_are_counted(tmp_path: Path) -> None:
     path.write_text(RMF.replace("    - [1, 6, {}]", "    - [1, 6, {}]\n    - [3, 99, {}]\n    - [2, 2, {}]"))
     with pytest.warns(MapWarning, match="2 walls without two different vertices"):
         assert len(load_plan(path).rooms) == 2
+
+
+def test_a_door_within_a_room_is_told_with_the_file(tmp_path: Path) -> None:
+    path = write_rmf(tmp_path / "two.building.yaml")
+    more = RMF.replace("    walls:", '    - [120, 60, 0, ""]\n    - [120, 100, 0, ""]\n    walls:')
+    path.write_text(more.replace("    doors:\n", "    doors:\n    - [8, 9, {}]\n"))
+    with pytest.warns(MapWarning, match=f"{re.escape(str(path))}#L1: 1 of 2 doors join no two rooms"):
+        assert len(load_plan(path).doors) == 1
 
 
 def test_a_building_that_only_its_doors_close(tmp_path: Path) -> None:
