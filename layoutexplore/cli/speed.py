@@ -44,7 +44,7 @@ def speed(
     from rich.console import Console
 
     from layoutexplore.evaluation.engines import engines
-    from layoutexplore.speed import Measurement, measure
+    from layoutexplore.speed import Measurement, measure, measurements
 
     if picture and only and "decisions" not in only:
         raise ConfigError(
@@ -54,23 +54,29 @@ def speed(
     check_places(None, picture, file="--picture")
     console = Console()
     rows: list[SpeedRow] = []
+    more = (Measurement("engines", engines),)
+    names = [measurement.name for measurement in measurements(only or (), more=more)]
     try:
         with console.status("Measuring") as status:
-            more = (Measurement("engines", engines),)
-            rows.extend(measure(only or (), more=more, begin=lambda name: status.update(f"Measuring {name}")))
-    finally:  # what was measured is kept, whatever ends the rest
-        _keep(console, rows, json_file, picture)
+
+            def begin(name: str) -> None:
+                status.update(f"Measuring {name} ({names.index(name) + 1} of {len(names)})")
+
+            for row in measure(only or (), more=more, begin=begin):
+                rows.append(row)
+                if json_file:  # at once: what ends the rest may leave no time
+                    write_json(json_file, {"versions": _versions(), "rows": [r.as_dict() for r in rows]})
+    finally:
+        if rows:
+            _tell(console, rows, json_file, picture)
     if any(row.missed for row in rows):
         raise typer.Exit(1)
 
 
-def _keep(console: Console, rows: list[SpeedRow], json_file: Path | None, picture: Path | None) -> None:
-    """Print what was measured, and write it where it was asked for."""
-    if not rows:
-        return
+def _tell(console: Console, rows: list[SpeedRow], json_file: Path | None, picture: Path | None) -> None:
+    """Print what was measured, and draw it where that was asked for."""
     console.print(_table(rows))
     if json_file:
-        write_json(json_file, {"versions": _versions(), "rows": [row.as_dict() for row in rows]})
         typer.echo(f"written: {json_file}")
     if picture:
         _draw(rows, picture)
