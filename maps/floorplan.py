@@ -27,7 +27,7 @@ from layoutexplore.errors import MapError, checks_calls, shortened
 from layoutexplore.files.limits import limits
 from layoutexplore.grids.arrays import Bytes, Floats, Labels, Mask, label_type, shows_shapes
 from layoutexplore.grids.grid import Pose, check_resolution
-from layoutexplore.grids.polygons import Nearness, Point, fill, polygons_of, seal_diagonals
+from layoutexplore.grids.polygons import Nearness, Point, fill, polygons_of, seal_diagonals, still_valid
 from layoutexplore.maps.content import geometry_digest, raster_digest
 from layoutexplore.maps.raster import MOST_CELLS, PlanRaster, check_stretch, resample
 from layoutexplore.maps.sizes import MOST_METRES, check_drawing, check_ids, check_plan
@@ -217,7 +217,7 @@ class FloorPlan:
         """A copy whose points were multiplied by a matrix float64 (2, 2)."""
 
         def transform(shape: BaseGeometry) -> Any:
-            return shapely.transform(shape, lambda points: points @ matrix.T)
+            return still_valid(shapely.transform(shape, lambda points: points @ matrix.T))
 
         def moved(point: Point) -> Point:
             x, y = (matrix @ point).tolist()

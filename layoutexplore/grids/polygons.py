@@ -109,6 +109,26 @@ def valid_polygons(polygons: Any) -> list[Polygon]:
     return found
 
 
+def still_valid(moved: BaseGeometry) -> BaseGeometry:
+    """A shape whose corners were moved and rounded, mended where its boundary crosses itself since then.
+
+    A polygon stays one, the largest valid part; polygons of several stay together.
+
+    Args:
+        moved: A polygon or several, valid before all its corners were moved alike.
+
+    Example:
+        >>> still_valid(Polygon([(0, 0), (2, 2), (2, 0), (0, 2)])).is_valid
+        True
+    """
+    if moved.is_valid:
+        return moved
+    if isinstance(moved, Polygon):
+        return valid_polygons(np.array([moved], object))[0]
+    mended: BaseGeometry = shapely.make_valid(moved, method="structure", keep_collapsed=False)
+    return mended
+
+
 class Nearness:
     """Distances of places from one shape that has thousands of corners: an index of its border is made once.
 

@@ -23,7 +23,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from layoutexplore.errors import checks_calls, checks_making
+from layoutexplore.errors import ConfigError, checks_calls, checks_making
 from layoutexplore.files import fingerprint
 from layoutexplore.files.reading import is_there
 from layoutexplore.frontiers.classes import LITTLE_LEFT, FrontierClasses
@@ -157,6 +157,16 @@ class LearnedRooms(RoomsOnGrid):
         return chance
 
 
+def _floor_network(path: Path) -> FloorNetwork:
+    """The network that completes maps; `evaluate train-predictor` does not write one."""
+    if not is_there(path):
+        raise ConfigError(
+            f"{path}: there is no such network, and ahead needs it: layoutexplore evaluate train-floor PLANS "
+            f"--out {path} trains one; or leave ahead out"
+        )
+    return FloorNetwork(load_weights(path, shapes_of(FLOOR_LAYERS), "network that completes maps"))
+
+
 @checks_calls
 class LearnedPredictor:
     """Completes rooms and classifies frontiers.
@@ -207,9 +217,7 @@ class LearnedPredictor:
         self._files = [*paths, *networks]
         if ahead:
             self._files.append((folder or FOLDER) / FLOOR_NETWORK.name)
-            self._floor_network = FloorNetwork(
-                load_weights(self._files[-1], shapes_of(FLOOR_LAYERS), "network that completes maps")
-            )
+            self._floor_network = _floor_network(self._files[-1])
 
     @property
     def fingerprint(self) -> str:

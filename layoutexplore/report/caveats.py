@@ -77,7 +77,8 @@ def _of_sampling(rows: Sequence[Row], candidates: int) -> list[str]:
             "The room predictor that ships has learnt from the KTH and school floors and from the plans of "
             "the split train"
             + (f" ({', '.join(known)} here)" if known else "")
-            + ": there, agents that use it look better than in a new building."
+            + ", and half of its trees for frontiers from floors of MIT: there, agents that use it look "
+            "better than in a new building."
         )
     return said
 

@@ -106,6 +106,31 @@ def test_stretched_shapes_keep_their_rooms_and_doors(x: float, y: float) -> None
     )
 
 
+SPIKE = shapely.Polygon(
+    [
+        (37.08073343332953, -44.344119456944),
+        (37.126879985133144, -44.344119456944),
+        (37.11300295791095, -44.888885042883004),
+        (37.125606315542, -44.394119456944004),
+        (37.03073343332952, -44.394119456944004),
+        (37.03073343332952, -42.54000230760359),
+        (37.08073343332953, -42.54000230760359),
+    ]
+)
+"""A valid outline with a spike whose sides cross once its corners are rounded elsewhere."""
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_an_outline_that_rounding_crosses_is_mended(several: bool) -> None:
+    passages = shapely.MultiPolygon([SPIKE, shapely.box(30, -44, 31, -43)]) if several else SPIKE
+    room = Room(id=3, polygon=SPIKE)
+    x, y = 1.06744229382271, 0.8572109666688612
+    plan = FloorPlan(name="spiked", rooms=(room,), passages=passages).stretched(x, y)
+    assert not shapely.transform(SPIKE, lambda points: points * [x, y]).is_valid
+    assert plan.passages.area == pytest.approx(passages.area * x * y, rel=1e-6)
+    assert plan.rooms[0].polygon.area == pytest.approx(SPIKE.area * x * y, rel=1e-6)
+
+
 @pytest.mark.parametrize("factors", [(0.0, 1.0), (1.0, -1.0), (math.nan, 1.0), (1.0, math.inf)])
 def test_senseless_factors(factors: tuple[float, float]) -> None:
     with pytest.raises(MapError, match="'two' can be stretched by finite factors above 0"):

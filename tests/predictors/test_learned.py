@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import copy
 import pickle
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from layoutexplore.errors import ConfigError
 from layoutexplore.frontiers.decision import Decision
 from layoutexplore.layout.doorways import doorway_regions
 from layoutexplore.maps.library import load_plan
@@ -40,6 +43,14 @@ def test_the_models_that_ship_are_small() -> None:
     assert {CELL_NETWORK, FRONTIER_NETWORK} <= set(models) and sum(
         path.stat().st_size for path in models
     ) < 3_000_000
+
+
+def test_own_models_without_what_completes_maps(tmp_path: Path) -> None:
+    for path in FOLDER.glob("*model.json"):
+        shutil.copy(path, tmp_path)
+    assert make_predictor(f"layout:model={tmp_path}") is not None
+    with pytest.raises(ConfigError, match=r"floor\.safetensors: there is no .*train-floor PLANS --out"):
+        make_predictor(f"layout:model={tmp_path},ahead=2")
 
 
 def test_the_networks_have_a_say() -> None:

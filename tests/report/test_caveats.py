@@ -73,6 +73,7 @@ def test_what_flatters_is_said() -> None:
         "has learnt from the KTH and school floors and from the plans of the split train (office-01 here)"
         in " ".join(caveats(rows, made))
     )
+    assert "half of its trees for frontiers from floors of MIT" in " ".join(caveats(rows, made))
     rows = [dataclasses.replace(row, agent="layout-tour:predictor=oracle") for row in rows]
     assert "has learnt" not in " ".join(caveats(rows, made))
     assert "the best of 3 on these very runs" in " ".join(caveats(rows, made, candidates=3))

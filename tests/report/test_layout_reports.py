@@ -249,6 +249,7 @@ def test_partial_rooms_page(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     html = whole(out / "report.html")
     assert "flat &amp; &lt;odd&gt;" in html and "Best rooms of layout" in html and "IoU of" in html
+    assert "from floors of MIT" in html and "from floors of MIT" in result.output.replace("\n", " ")
     assert {p.name for p in out.iterdir()} == {
         "report.html",
         "rooms.csv",

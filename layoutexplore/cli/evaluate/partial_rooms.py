@@ -51,7 +51,7 @@ FRONTIER_COLUMNS = (
 
 NOTE = (
     "the predictor layout that ships has learnt from the KTH and school floors and from the plans of the "
-    "split train; "
+    "split train, and half of its trees for frontiers from floors of MIT; "
     "scores on these are not held out: evaluate train-predictor --folds"
 )
 
