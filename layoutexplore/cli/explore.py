@@ -13,6 +13,7 @@ import typer
 if TYPE_CHECKING:
     from layoutexplore.benchmark.rows import Row
     from layoutexplore.cli.exploration import RunWatcher
+    from layoutexplore.frontiers.decision import Agent
     from layoutexplore.grids.grid import Pose
     from layoutexplore.maps.floorplan import FloorPlan
     from layoutexplore.simulation.config import SimulationConfig
@@ -137,10 +138,9 @@ def explore(
     prior_scale: PriorScale = None,
 ) -> None:
     """Explore one floor plan."""
-    from layoutexplore.benchmark.rows import Row, prepare, score_run
+    from layoutexplore.benchmark.rows import Row, score_run
     from layoutexplore.cli.exploration import RunWatcher, check_run_files, film_of, notes_of, save_run
     from layoutexplore.cli.progress import ProgressLine, plain_console
-    from layoutexplore.cli.warm_up import compile_missing
     from layoutexplore.files import check_places
     from layoutexplore.files.locking import held
     from layoutexplore.maps.library import load_plan
@@ -152,20 +152,16 @@ def explore(
     if save_state:
         KEPT_SEED.convert("--seed", seed)
     check_run_files([plan] if prior is None else [plan, prior], out, save_state)
-    console = plain_console()
     saved = read_saved_run(saved_state) if saved_state else None
     settings = saved.config if saved else _settings(config, sensor, region, noise)
     if saved:
         agent, seed, sensor = _as_saved(saved, context)
     agent = with_prior(agent, prior, prior_scale)
     begin, until = parse_start(start), functools.partial(_has_come, pause_after)
-    floor = load_plan(plan)
-    compile_missing(_uses(agent, settings, floor))
-    simulation, chosen = prepare(floor, settings, agent)
-    note_unused(simulation)
+    simulation, chosen = _prepared(load_plan(plan), settings, agent)
     notes = notes_of(agent, chosen, simulation, saved.notes if saved else None)
     with held(out, "run") if out else nullcontext():
-        with ProgressLine(console, "% seen") as line, film_of(video, fps) as film:
+        with ProgressLine(plain_console(), "% seen") as line, film_of(video, fps) as film:
             watcher = RunWatcher(line, notes, pictures=bool(out), state_file=save_state, goes_on=bool(saved))
             if film:
                 simulation.on_scan = lambda state: film.add(watcher.draw(state))
@@ -178,7 +174,7 @@ def explore(
         row = score_run(row, simulation, episode)
         _tell(row, simulation, watcher, returns=returns, filmed=video is not None)
         for path in filter(None, (video, save_state, *(save_run(out, simulation, watcher) if out else ()))):
-            console.print(f"wrote {path}", soft_wrap=True)
+            plain_console().print(f"wrote {path}", soft_wrap=True)
 
 
 def _as_saved(saved: SavedRun, context: typer.Context) -> tuple[str, int, str]:
@@ -202,6 +198,17 @@ def _tell(row: Row, simulation: Simulation, watcher: RunWatcher, *, returns: boo
 
     back = way_home(simulation) if returns and simulation.done else ""
     plain_console().print(summary(row, filmed=filmed, back=back, prior=watcher.belief(simulation)))
+
+
+def _prepared(floor: FloorPlan, settings: SimulationConfig, agent: str) -> tuple[Simulation, Agent]:
+    """The simulation and the agent of a run; what they need is compiled."""
+    from layoutexplore.benchmark.rows import prepare
+    from layoutexplore.cli.warm_up import compile_missing
+
+    compile_missing(_uses(agent, settings, floor))
+    simulation, chosen = prepare(floor, settings, agent)
+    note_unused(simulation)
+    return simulation, chosen
 
 
 def _uses(agent: str, settings: SimulationConfig, floor: FloorPlan) -> set[str]:

@@ -192,7 +192,7 @@ def prior_of_plan(plan: FloorPlan, hints: PriorHints | None = None) -> PriorPlan
         ConfigError: The robot is said to start outside of it.
     """
     hints = hints or PriorHints()
-    check_here(hints, plan.bounds, f"{plan.name}, in its metres")
+    check_here(hints, plan.bounds, f"{plan.file or plan.name}, in its metres")
     plan, factor = _in_metres(plan, hints.scale or 1.0)
     told = (hints.scale or 1.0) / factor
     resolution = RESOLUTION * max(
