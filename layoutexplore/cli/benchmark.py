@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -231,17 +230,16 @@ def run_with_progress(
     from layoutexplore.processes import asked_to_stop, command_line, usable_cores
 
     try:
-        with ProgressLine(console, "runs") as line, ExitStack() as bars:
-            kernels: list[ProgressLine] = []
+        with ProgressLine(console, "runs") as line, ProgressLine(console, "kernels") as kernels:
 
             def say(text: str) -> None:
-                kernels.append(bars.enter_context(ProgressLine(console, "kernels")))
                 line.say(text)
+                kernels.restart()  # they are compiled twice, where a floor plan is large
 
             def compiled(done: int, total: int) -> None:
-                kernels[-1].advance(done, total, done / total)  # twice, where a floor plan is large
+                kernels.advance(done, total, done / total)
                 if done == total:
-                    kernels[-1].end()
+                    kernels.end()
 
             def advance(progress: BenchmarkProgress) -> None:
                 row = progress.row

@@ -72,8 +72,7 @@ class ProgressLine:
         self.console = console
         self.unit = unit
         self._bar: Progress | None = None
-        self._ended = False
-        self._restart()
+        self.restart()
 
     def __enter__(self) -> ProgressLine:
         return self
@@ -87,13 +86,16 @@ class ProgressLine:
         """Take the bar away; another one may follow."""
         if self._bar:
             self._bar.stop()
+        self._bar = None
 
     def say(self, text: str) -> None:
         """A line of its own; the time left is estimated from the last one on."""
         self.console.print(text, soft_wrap=True, markup=False)
-        self._restart()
+        self.restart()
 
-    def _restart(self) -> None:
+    def restart(self) -> None:
+        """The work begins now, or other work: so do its clock and the estimate of the time left."""
+        self._ended = False
         self._began = self._printed = time.monotonic()
         self._marks = deque([(self._began, 0.0)])
 
