@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from layoutexplore.agents.rl.tour_search.config import SearchConfig
 from layoutexplore.envs.curriculum import PlanSampler, Randomisation
 from layoutexplore.envs.observation import ObservationConfig
 from layoutexplore.envs.rewards import PathToMarks
@@ -144,34 +145,6 @@ class ImitationConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchConfig:
-    """Search for the parameters of a tour by whole explorations; see `layoutexplore.agents.rl.tour_search`.
-
-    Attributes:
-        round: Explorations between two moves of the centre.
-        pairs: Mirrored pairs of draws that explore the same floor plan from the same start.
-        spread: Standard deviation of the draws around the centre, in units of each parameter's scale.
-        trust: How far the centre moves at most in a round, in the same units.
-        outlier: Logarithm of metres; what deviates by more from the mean of its floor plan counts as this
-            much.
-    """
-
-    round: int = 240
-    pairs: int = 2
-    spread: float = 0.7
-    trust: float = 0.7
-    outlier: float = 0.4
-
-    def __post_init__(self) -> None:
-        count, length = Rule(kind=int, low=1, high=1e5), Rule(above=0.0, high=10.0)
-        check(self, "search.", round=count, pairs=count, spread=length, trust=length, outlier=length)
-        if self.round % (2 * self.pairs):
-            raise ConfigError(
-                f"search.round must be a multiple of twice search.pairs, got {self.round} and {self.pairs}"
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
 class EvaluationConfig:
     """Explorations on fixed cells at intervals, paired with reference agents.
 
@@ -227,6 +200,10 @@ class TrainingConfig:
         imitation: Of "maskable-ppo" only.
         look_every: Metres after which the robot looks all around on its way and may choose anew, where the
             lidar sees a part of it and turning is free, 0 for never. Of "maskable-ppo" only.
+        start_from: A policy to go on from, as agents name it (a file, a training folder, a shipped name): the
+            run takes its weights over, its network and its tour; "" for none. Of "maskable-ppo" only.
+        start_temperature: By what its logits are divided then. A policy that has learnt for long tries hardly
+            anything else any more; above 1 it chooses as before and tries more. Of "maskable-ppo" only.
         tour: The tour behind the frontiers' features, where "tour-search" starts; of Frontier-v0 only.
         search: Of "tour-search" only.
         generator: Keyword arguments of `PlanSampler`, for generated plans.
@@ -256,6 +233,8 @@ class TrainingConfig:
     network: NetworkConfig | None = None
     imitation: ImitationConfig | None = None
     look_every: float = 0.0
+    start_from: str = ""
+    start_temperature: float = 1.0
     tour: TourConfig = field(default_factory=TourConfig)
     search: SearchConfig | None = None
 
@@ -266,8 +245,9 @@ class TrainingConfig:
         check(self, workers=Rule(kind=int, low=0, high=1024), seed=SEED, averaging=Rule(low=0.0, below=1.0))
         check(self, critic_steps=Rule(kind=int, low=0, high=1e10), max_steps=Rule(kind=int, low=0, high=1e7))
         check(self, final_learning_rate=SHARE, look_every=Rule(low=0.0, high=LONGEST_WAY))
-        names = Rule(kind=str, count=-1)
-        check(self, predictor=Rule(kind=str), plans=names, sensors=names)
+        names, name = Rule(kind=str, count=-1), Rule(kind=str)
+        check(self, predictor=name, start_from=name, plans=names, sensors=names)
+        check(self, start_temperature=Rule(above=0.0, high=1e3))
         if not self.sensors or not all(self.plans or ("",)):
             raise ConfigError("training needs at least one of plans and of sensors, and no plan is ''")
         self._check_parts()

@@ -7,6 +7,7 @@ stopped.
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import time
 from collections.abc import Mapping
@@ -20,19 +21,21 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import configure
 
 from layoutexplore.agents.rl.callback import TrainingCallback
-from layoutexplore.agents.rl.card import PolicySpec, spec_of
+from layoutexplore.agents.rl.card import PolicySpec, find_policy, read_spec, spec_of
 from layoutexplore.agents.rl.checkpoint import FILE, Progress, load_checkpoint, save_checkpoint
 from layoutexplore.agents.rl.environments import make_envs
 from layoutexplore.agents.rl.evaluation import evaluate_motion
-from layoutexplore.agents.rl.hyperparameters import TrainingConfig
+from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config
 from layoutexplore.agents.rl.imitation import imitate
 from layoutexplore.agents.rl.maskable_policy import FrontierPolicy
 from layoutexplore.agents.rl.networks.actor_critic import Actor
 from layoutexplore.agents.rl.networks.training_state import chosen_device
 from layoutexplore.agents.rl.ppo.algorithm import FrontierPPO
 from layoutexplore.agents.rl.run import TrainingRun, Watcher
+from layoutexplore.agents.rl.torch_policy_files import load_actor
 from layoutexplore.envs.curriculum import PlanSampler
-from layoutexplore.errors import ConfigError, cause
+from layoutexplore.errors import ConfigError, cause, shortened
+from layoutexplore.files.reading import shown_path
 from layoutexplore.options import from_table
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"maskable-ppo": FrontierPPO, "ppo": PPO, "dqn": DQN}
@@ -45,7 +48,8 @@ class Run(TrainingRun):
         progress: How far it is.
 
     Raises:
-        ResultsError: To go on, there is no checkpoint that fits.
+        ConfigError: The policy to start from is not there, or reads other things or is made otherwise.
+        ResultsError: To go on, there is no checkpoint that fits; or that policy is damaged.
     """
 
     def __init__(
@@ -57,6 +61,7 @@ class Run(TrainingRun):
         resume: bool,
         watcher: Watcher,
     ) -> None:
+        config = config if resume else _taking_over(config)
         super().__init__(config, folder, FILE, device=device, resume=resume, watcher=watcher)
         self._spec = spec_of(config) if config.chooses_frontiers else None
         self.envs = make_envs(config)
@@ -105,15 +110,23 @@ class Run(TrainingRun):
         self.envs.close()
 
     def _begin(self) -> None:
-        """Imitation, if any: what the policy is before it learns by reward."""
+        """The policy to start from and imitation, if any: what the policy is before it learns by reward."""
+        if self.config.start_from:
+            actor, _ = load_actor(find_policy(self.config.start_from))
+            actor.soften(self.config.start_temperature)
+            self._take(actor)
         if self.spec and self.config.imitation and self.config.imitation.teacher:
             actor = self.actor()
             imitate(actor, self.config, self.watcher.say, lambda: self.stopping)
             if not self.stopping:
-                self._policy.actor.load_state_dict(actor.state_dict())
-                self._policy.averaged.load_state_dict(actor.state_dict())
+                self._take(actor)
                 self.progress.imitated = True
         self.save()
+
+    def _take(self, actor: Actor) -> None:
+        """Make the policy, and its running average, those of an actor."""
+        for mine in (self._policy.actor, self._policy.averaged):
+            mine.load_state_dict(actor.state_dict())
 
     @property
     def _every(self) -> int:
@@ -205,3 +218,31 @@ def build(config: TrainingConfig, envs: Any, spec: PolicySpec | None, device: st
         rate, change = learning["learning_rate"], config.final_learning_rate - learning["learning_rate"]
         model.lr_schedule = lambda _: rate + change * min(1.0, model.num_timesteps / config.steps)
     return model
+
+
+def _taking_over(config: TrainingConfig) -> TrainingConfig:
+    """The configuration with the network and the tour of the policy that it starts from, if any.
+
+    Raises:
+        ConfigError: There is no such policy, it reads other things, or another network or tour is asked for.
+        ResultsError: It is damaged.
+    """
+    if not config.start_from:
+        return config
+    path, usual = find_policy(config.start_from), read_config(flags={"algorithm": config.algorithm})
+    theirs = read_spec(path)
+    for name in ("network", "tour"):
+        if getattr(config, name) not in (getattr(theirs, name), getattr(usual, name)):
+            raise ConfigError(
+                f"[{name}] is that of the policy to start from, {shown_path(path)}: leave it out"
+            )
+    taken = dataclasses.replace(config, network=theirs.network, tour=theirs.tour)
+    mine = spec_of(taken)
+    for name in ("frontier_features", "robot_features", "map_channels"):
+        read, offered = getattr(theirs, name), getattr(mine, name)
+        if read != offered:
+            raise ConfigError(
+                f"start_from: {shown_path(path)} reads the {name.replace('_', ' ')} {shortened(read)}, this "
+                f"run offers {shortened(offered)}: observation.detour and observation.global_map decide that"
+            )
+    return taken

@@ -63,6 +63,13 @@ class Actor(nn.Module):
             scores = scores + self.tour_weight * frontiers[:, self._rank]
         return torch.cat([batch.in_slots(scores), self.stop(context)], dim=1)
 
+    def soften(self, temperature: float) -> None:
+        """Divide all logits from now on: what is chosen first stays so, and is less certain."""
+        with torch.no_grad():
+            last = [layer for layer in (self.score, self.direct, self.stop) if layer is not None]
+            for weight in (*(w for layer in last for w in layer.parameters()), self.tour_weight):
+                weight /= temperature
+
     def log_probs(self, batch: FrontierBatch, masks: Tensor) -> Tensor:
         """float32 (batch, slots + 1): logarithms of probabilities, given what is allowed, bool alike."""
         return functional.log_softmax(self.logits(batch).masked_fill(~masks, _NEVER), dim=1)

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import json
 import os
+import shutil
 import signal
 from pathlib import Path
 from typing import Any
@@ -66,6 +67,50 @@ def test_a_checkpoint_from_before_the_imitation_was_noted(trained: Path, tmp_pat
     config, watcher = small_config(tmp_path, imitation={"teacher": "nearest-0.4"}), Silent()
     run = train(config, tmp_path, resume=True, watcher=watcher)
     assert run.progress.steps == 64 and not any("imitation" in line for line in watcher.lines)
+
+
+def test_a_run_starts_from_a_policy(trained: Path, tmp_path: Path) -> None:
+    policy, usual = trained / "policy.safetensors", read_config(flags={"algorithm": "maskable-ppo"}).network
+    changes = {"start_from": str(policy), "start_temperature": 5.0, "critic_steps": 16}
+    config = dataclasses.replace(small_config(tmp_path, steps=16, **changes), network=usual)
+    run = train(config, tmp_path / "run")  # only the critic learns: the actor stays as it begins
+    assert run.config.network == read_config(trained / "config.toml").network != usual
+    theirs, mine = (
+        safetensors.torch.load_file(path) for path in (policy, tmp_path / "run" / "policy.safetensors")
+    )
+    for name, values in theirs.items():
+        last = name.partition(".")[0] in ("score", "direct", "stop", "tour_weight")
+        assert torch.allclose(values / 5.0 if last else values, mine[name])
+    assert theirs["score.weight"].any()
+    *_, learnt = csv.DictReader((trained / "evaluations.csv").open())
+    assert run.evaluations[0]["score"] == float(learnt["score"])  # it chooses as that policy does
+
+
+def test_a_run_that_started_from_a_policy_goes_on_without_it(trained: Path, tmp_path: Path) -> None:
+    shutil.copytree(trained, tmp_path / "policy")
+    config = small_config(tmp_path, steps=16, start_from=str(tmp_path / "policy"))
+    train(config, tmp_path / "run")
+    shutil.rmtree(tmp_path / "policy")
+    kept = read_config(tmp_path / "run" / "config.toml", {"steps": 32})
+    assert train(kept, tmp_path / "run", resume=True).progress.steps == 32
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"network": {"width": 16}}, r"\[network\] is that of the policy to start from, .*: leave it out"),
+        ({"tour": {"patience": 2.0}}, r"\[tour\] is that of the policy to start from"),
+        ({"observation": {"detour": False}}, "reads the frontier features .* observation.detour"),
+        ({"start_from": "nowhere"}, "nowhere"),
+        ({"start_temperature": 0.0}, "start_temperature must be a finite number above 0"),
+    ],
+)
+def test_policies_that_do_not_fit_a_run(
+    trained: Path, tmp_path: Path, changes: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(ConfigError, match=told):
+        train(small_config(tmp_path, **{"start_from": str(trained)} | changes), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
 
 
 def test_training_moved_actor_and_critic(trained: Path, tmp_path: Path) -> None:
