@@ -68,7 +68,7 @@ class Actor(nn.Module):
         with torch.no_grad():
             last = [layer for layer in (self.score, self.direct, self.stop) if layer is not None]
             for weight in (*(w for layer in last for w in layer.parameters()), self.tour_weight):
-                weight /= temperature
+                weight.div_(temperature)
 
     def log_probs(self, batch: FrontierBatch, masks: Tensor) -> Tensor:
         """float32 (batch, slots + 1): logarithms of probabilities, given what is allowed, bool alike."""
