@@ -14,6 +14,10 @@ with contextlib.suppress(ImportError):
 
     keep_kernels_apart()
 with contextlib.suppress(ImportError):
+    from layoutexplore.processes.kernel_freshness import keep_kernels_fresh
+
+    keep_kernels_fresh()
+with contextlib.suppress(ImportError):
     from layoutexplore.processes.kernel_locks import compile_kernels_once
 
     compile_kernels_once()

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import from_dtype, types
 
+from layoutexplore.processes.kernel_freshness import look_at_sources
 from layoutexplore.processes.pools import start_pool, stop_pool
 
 FILE = "kernels.json"
@@ -120,6 +121,7 @@ def is_kept(kernel: Kernel) -> bool:
     try:
         dispatcher, arguments = resolved(kernel)
         cache = dispatcher._cache
+        look_at_sources(cache)
         key = cache._index_key(arguments, dispatcher.targetctx.codegen())
         return key in cache._cache_file._load_index()
     except Exception:  # another numba, or a list that is older than the program
