@@ -59,6 +59,23 @@ def test_lengths_are_those_of_a_search_over_all_cells(seed: int) -> None:
 
 
 @given(seed=st.integers(0, 2**32))
+@settings(max_examples=10, deadline=None)
+def test_lengths_stay_right_where_the_graph_outgrows_its_memory(seed: int) -> None:
+    """Thousands of corners come at once, some go, and more come: all three tables need more room."""
+    rng = np.random.default_rng(seed)
+    world, paths = np.zeros((220, 230), bool), CornerPaths((220, 230))
+    memory = [len(part) for part in (paths.graph.nodes.cell, paths.graph.edges.end, paths.graph.ground.node)]
+    for rows, share in ((slice(None), 0.05), (slice(0, 90), 0.0), (slice(60, 220), 0.08)):
+        part = world[rows]
+        part[:] = rng.random(part.shape) > share
+        paths.update(part.astype(np.uint8), rows.start or 0, 0)
+        places = np.argwhere(world)[rng.integers(np.count_nonzero(world), size=8)]
+        np.testing.assert_array_equal(paths.between(places), searched(world, places))
+    grown = [len(part) for part in (paths.graph.nodes.cell, paths.graph.edges.end, paths.graph.ground.node)]
+    assert all(now > before for now, before in zip(grown, memory, strict=True))
+
+
+@given(seed=st.integers(0, 2**32))
 @settings(max_examples=60, deadline=None)
 def test_corners_are_joined_from_both_ends(seed: int) -> None:
     """After changes in boxes every edge stands at both its corners, which are those of the world."""

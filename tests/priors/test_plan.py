@@ -102,6 +102,16 @@ def test_rooms_whose_scale_is_told_are_believed() -> None:
     )
 
 
+def test_a_start_among_rooms_is_told_in_their_unit() -> None:
+    rooms = [room.polygon for room in office().rooms]
+    feet = [shapely.affinity.scale(room, 3.281, 3.281, origin=(0, 0)) for room in rooms]
+    metres = prior_of_rooms(rooms, hints=PriorHints(here=(21.0, 6.0)), metric=True)
+    told = prior_of_rooms(feet, hints=PriorHints(here=(68.901, 19.686), scale=1 / 3.281))
+    assert metres.hints.here == pytest.approx(told.hints.here)
+    plan = prior_of_plan(office(), PriorHints(here=(21.0, 6.0)))
+    assert metres.hints.here == pytest.approx(plan.hints.here)
+
+
 def test_a_plan_of_one_room_is_not_used_and_says_why() -> None:
     prior = prior_of_plan(FloorPlan(name="hall", rooms=(Room(id=1, polygon=shapely.box(0, 0, 20, 10)),)))
     assert "1 room" in prior.unused

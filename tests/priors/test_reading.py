@@ -14,6 +14,7 @@ from layoutexplore.errors import ConfigError, LayoutExploreError, MapError, MapW
 from layoutexplore.grids.grid import FREE, OCCUPIED, OccupancyGrid
 from layoutexplore.grids.ros_map import save_grid
 from layoutexplore.maps.geojson import save_plan
+from layoutexplore.priors import reading
 from layoutexplore.priors.evacuation_picture import PictureStyle, draw_evacuation_plan, picture_points
 from layoutexplore.priors.plan import PriorHints, PriorPlan
 from layoutexplore.priors.presets import study_prior
@@ -111,6 +112,28 @@ def test_a_start_beside_the_plan_is_refused(tmp_path: Path) -> None:
     rows, cols, _ = picture.shape
     with pytest.raises(ConfigError, match=rf"outside of wall\.png, in its pixels: .* y from 0 to {rows}"):
         prior_of_picture(picture, name="wall.png", hints=PriorHints(here=(cols / 2, rows + 1.0)))
+
+
+@pytest.mark.parametrize("told", [False, True])
+@pytest.mark.parametrize("smaller", [1.0, 1.5])
+def test_a_start_lies_in_its_room_however_large_the_picture(
+    smaller: float, told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    style, plan = PictureStyle(pixels_per_metre=24.0), office()
+    image = sheet(style)
+    monkeypatch.setattr(reading, "MOST_PIXELS", image.shape[0] * image.shape[1] / smaller**2)
+    raster = plan.rasterize(0.1)
+    for room in plan.rooms[1:]:
+        middle = np.array([room.polygon.centroid.coords[0]]) - (raster.origin.x, raster.origin.y)
+        x, y = picture_points(middle, round(raster.shape[0] * 2.4), style)[0]
+        hints = PriorHints(here=(x, image.shape[0] - y), scale=1 / 24.0 if told else None)
+        read = prior_of_picture(image, hints=hints)
+        assert read.prior.hints.here is not None
+        assert not told or read.pixels == pytest.approx(1 / 24.0)
+        unit = 1.0 if told else read.pixels * 24.0
+        col, row = (int(v / read.prior.resolution) for v in read.prior.hints.here)
+        area = np.count_nonzero(read.prior.room_ids == read.prior.room_ids[row, col])
+        assert area * read.prior.resolution**2 == pytest.approx(room.polygon.area * unit**2, rel=0.2)
 
 
 def test_a_told_scale_is_kept() -> None:

@@ -13,12 +13,18 @@ import numpy as np
 import pytest
 import shapely
 
-from layoutexplore.maps.floorplan import Room
+from layoutexplore.maps.floorplan import FloorPlan, Room
 from layoutexplore.maps.library import load_plan
 from layoutexplore.priors.confidence import confidence
 from layoutexplore.priors.plan import PriorHints, PriorPlan, prior_of_plan
 from layoutexplore.priors.presets import StudyPrior, study_prior
-from layoutexplore.priors.registration import FIRST_TRANSFORMED, MIRRORED_COST, SCALE_SLACK, Registration
+from layoutexplore.priors.registration import (
+    FIRST_TRANSFORMED,
+    HERE_STD,
+    MIRRORED_COST,
+    SCALE_SLACK,
+    Registration,
+)
 from layoutexplore.priors.search import CoarseSearch
 from tests.priors.cases import door_middles, office, seen_part
 
@@ -108,6 +114,24 @@ def test_a_hint_of_rotation_is_heard_of_mirrored_plans_too(turns: int, mirror: b
     hints = PriorHints(rotation=90.0 * turns, mirror=mirror)
     plan = PriorPlan(name="turned", free=free, room_ids=ids, resolution=0.1, scale_spread=0.04, hints=hints)
     assert registered(plan, 0.6).hypotheses[0].fit.walls > 0.95
+
+
+def test_a_start_that_is_told_says_which_end_of_a_plan_it_is() -> None:
+    """A building that is the same turned round: its left end is seen, and drawn at either end."""
+    x = np.arange(6) * 5.0
+    rooms = [shapely.box(0.0, 5.0, 29.8, 7.0)]
+    rooms += [shapely.box(a, low, a + 4.8, low + 4.8) for low in (0.0, 7.2) for a in x]
+    plan = FloorPlan(name="even", rooms=tuple(Room(id=k, polygon=room) for k, room in enumerate(rooms, 1)))
+    for here, quarter in (((2.0, 6.0), 0), ((27.8, 6.0), 2)):
+        registration = Registration(prior_of_plan(plan, PriorHints(scale=1.0, here=here)))
+        registration.start = 2.0, 6.0
+        registration.update(seen_part(plan, 0.45))
+        best = registration.hypotheses[0]
+        assert best.slice.quarter == quarter
+        off = math.log(best.world_scale) / (SCALE_SLACK * registration.prior.scale_spread)
+        told = best.placed.to_world(np.array([here]))[0] - registration.start
+        known = -0.5 * off**2 - 0.5 * float(told @ told) / HERE_STD**2
+        assert best.total == pytest.approx(best.fit.score - best.bending + known, abs=0.2)
 
 
 def test_a_total_is_the_fit_with_what_is_known_before() -> None:

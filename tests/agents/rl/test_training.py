@@ -20,11 +20,16 @@ pytest.importorskip("tensorboard")
 import safetensors.torch  # noqa: E402
 
 from layoutexplore.agents import make_agent  # noqa: E402
+from layoutexplore.agents.rl import environments  # noqa: E402
 from layoutexplore.agents.rl.checkpoint import FILE  # noqa: E402
-from layoutexplore.agents.rl.hyperparameters import read_config  # noqa: E402
+from layoutexplore.agents.rl.environments import environment_arguments  # noqa: E402
+from layoutexplore.agents.rl.hyperparameters import TrainingConfig, read_config  # noqa: E402
+from layoutexplore.agents.rl.ppo.algorithm import FrontierPPO  # noqa: E402
+from layoutexplore.agents.rl.ppo.collector import Ends  # noqa: E402
 from layoutexplore.agents.rl.training import Run  # noqa: E402
 from layoutexplore.agents.rl.vector import VectorAdapter  # noqa: E402
 from layoutexplore.errors import ConfigError, LayoutExploreError, ResultsError  # noqa: E402
+from layoutexplore.simulation.config import SimulationConfig  # noqa: E402
 from tests.agents.rl.cases import Silent, small_config, train, write_config  # noqa: E402
 
 
@@ -111,6 +116,30 @@ def test_policies_that_do_not_fit_a_run(
     with pytest.raises(ConfigError, match=told):
         train(small_config(tmp_path, **{"start_from": str(trained)} | changes), tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_what_was_expected_counts_where_the_budget_cuts_an_episode_off(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def short(config: TrainingConfig) -> dict[str, Any]:
+        return environment_arguments(config) | {"simulation": SimulationConfig(max_distance=25.0)}
+
+    def judge(self: FrontierPPO, ends: Ends) -> None:
+        rewards = self.rollout_buffer.rewards.copy()
+        original(self, ends)
+        for place, info in ends.items():
+            assert info["TimeLimit.truncated"]
+            final, _ = self.policy.obs_to_tensor(info["terminal_observation"])
+            rewards[place] += self.gamma * self.policy.predict_values(final).item()
+        assert rewards == pytest.approx(self.rollout_buffer.rewards)
+        cut_off.extend(ends)
+
+    cut_off: list[tuple[int, int]] = []
+    original = FrontierPPO._judge
+    monkeypatch.setattr(environments, "environment_arguments", short)
+    monkeypatch.setattr(FrontierPPO, "_judge", judge)
+    train(small_config(tmp_path), tmp_path / "run")
+    assert cut_off
 
 
 def test_training_moved_actor_and_critic(trained: Path, tmp_path: Path) -> None:
