@@ -7,10 +7,14 @@ ones.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
-from collections.abc import Iterator
+import re
+import time
+from collections.abc import Collection, Iterator
 from enum import Enum
+from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -19,6 +23,9 @@ from numba.core.caching import Cache
 from numba.core.dispatcher import Dispatcher
 
 _NUMBERS = (bool, int, float, complex, str, bytes, np.generic, type(None))
+
+_YOUNG = 3600.0
+"""Seconds for which a file stays to which nothing leads: some process may be about to say what it wrote."""
 
 _load: Any = getattr(Cache, "_load_overload", None)
 _save: Any = getattr(Cache, "_save_overload", None)
@@ -42,6 +49,27 @@ def _load_fresh(cache: Any, signature: Any, context: Any) -> Any:
 def _save_stamped(cache: Any, signature: Any, data: Any) -> None:
     look_at_sources(cache)
     _save(cache, signature, data)
+    if cache._py_func.__module__.startswith("layoutexplore."):
+        with contextlib.suppress(OSError):
+            file = cache._cache_file
+            _clear_away(Path(cache.cache_path), file._index_name, file._load_index().values())
+
+
+def _clear_away(folder: Path, index: str, data: Collection[str]) -> None:
+    """Remove the files of a kernel to which nothing leads any more: of its code as it was, or stood, before.
+
+    Args:
+        folder: Where they are.
+        index: The name of the file that leads to the others, as `masks.erode-12.py311.nbi`.
+        data: The names of those.
+    """
+    kernel, _, line = index.removesuffix(".nbi").rpartition("-")
+    files = re.compile(rf"{re.escape(kernel)}-\d+{re.escape(line.lstrip('0123456789'))}\.(nbi|\d+\.nbc)")
+    for file in folder.iterdir():
+        if files.fullmatch(file.name) and file.name != index and file.name not in data:
+            with contextlib.suppress(FileNotFoundError):  # another process does the same
+                if file.stat().st_mtime < time.time() - _YOUNG:
+                    file.unlink()
 
 
 def look_at_sources(cache: Any) -> None:

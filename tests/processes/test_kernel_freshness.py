@@ -91,6 +91,27 @@ def test_what_changes_nothing_in_it_leaves_a_kernel_in_the_cache(folder: Path) -
     assert (module.outer(5), hits(module)) == (16, 1)
 
 
+def test_what_was_kept_of_a_kernel_as_it_was_is_removed(folder: Path) -> None:
+    """As long as it may be of a process that is about to say what it has written, it stays."""
+    outer = folder / "fresh_outer.py"
+    outer.write_text(f"__name__ = 'layoutexplore.fresh_outer'\n{FILES['fresh_outer']}")  # ours alone
+    anew().outer(5)
+    (kept,) = folder.rglob("fresh_outer.*.nbi")
+    others = [
+        kept.with_name(kept.name.replace("outer.outer-", f"outer.{name}")) for name in ("outer-9", "other-")
+    ]
+    young, *old = (path.with_suffix(f".{k}.nbc") for k, path in enumerate((kept, kept, others[0])))
+    for path in (young, *old, *others):
+        path.write_bytes(b"")
+        if path != young:
+            os.utime(path, (0, 0))
+    inner = folder / "fresh_inner.py"
+    inner.write_text(inner.read_text().replace("x + STEP", "x - STEP"))
+    assert (anew().outer(5), hits(module := anew()), module.outer(5), hits(module)) == (14, 0, 14, 1)
+    assert [path.exists() for path in (kept, young, others[1])] == [True, True, True]
+    assert [path.name for path in (*old, others[0]) if path.exists()] == []
+
+
 def test_another_process_finds_the_kernels_of_this_one() -> None:
     """Their digests hold no addresses, and nothing whose order a process draws by chance."""
     digests = (
