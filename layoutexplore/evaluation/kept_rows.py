@@ -6,16 +6,14 @@ import dataclasses
 import hashlib
 import warnings
 from collections.abc import Callable, Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 from numpy.typing import NDArray
 
-import layoutexplore
 from layoutexplore.errors import ResultsError, checks_arguments
 from layoutexplore.files import ArrayRule, read_arrays, safe_name, write_arrays
-from layoutexplore.files.reading import fingerprint, is_there
+from layoutexplore.files.reading import is_there, package_fingerprint
 
 Row = TypeVar("Row")
 
@@ -28,15 +26,8 @@ def kept_file(folder: Path | None, name: str, *made_from: Any) -> Path | None:
     """Where rows are kept in a folder: what they are made from, and by which code, tells files apart."""
     if folder is None:
         return None
-    digest = hashlib.sha256(repr((_code(), *made_from)).encode()).hexdigest()
+    digest = hashlib.sha256(repr((package_fingerprint(), *made_from)).encode()).hexdigest()
     return folder / f"{safe_name(name)}-{digest[:16]}.npz"
-
-
-@cache
-def _code() -> str:
-    """Of all modules and weights of the package: a method that was changed is scored anew."""
-    files = Path(layoutexplore.__file__).parent.rglob("*.*")
-    return fingerprint(path for path in sorted(files) if path.suffix in (".py", ".json", ".safetensors"))
 
 
 @checks_arguments

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import hashlib
 import os
 import stat
@@ -166,3 +167,13 @@ def fingerprint(files: Iterable[Path]) -> str:
         with path.open("rb") as file:  # weights may be large
             digest.update(hashlib.file_digest(file, "sha256").digest())
     return digest.hexdigest()[:12]
+
+
+@functools.cache
+def package_fingerprint() -> str:
+    """The `fingerprint` of all modules and weights of this package: what they made before is another's."""
+    package = Path(__file__).parents[1]
+    beside = (package.parent / name for name in ("agents", "envs", "maps"))  # there in a checkout
+    folders = [package, *(one for one in beside if (one / "__init__.py").is_file())]
+    files = sorted(path for folder in folders for path in folder.rglob("*.*"))
+    return fingerprint(path for path in files if path.suffix in (".py", ".json", ".safetensors"))

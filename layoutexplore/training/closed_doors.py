@@ -25,7 +25,7 @@ from layoutexplore.closed_doors.prediction import find_closed_doors, turned_scen
 from layoutexplore.closed_doors.scene import Scene, integral
 from layoutexplore.errors import LayoutExploreError, ResultsError
 from layoutexplore.files import ArrayRule, all_or_none, read_arrays, safe_name, write_arrays
-from layoutexplore.files.reading import is_file
+from layoutexplore.files.reading import is_file, package_fingerprint
 from layoutexplore.grids.arrays import Cells, Floats, Floats32, Ints, Ints32, Mask
 from layoutexplore.grids.grid import FREE, in_cells
 from layoutexplore.maps.buildings import building_of
@@ -292,9 +292,10 @@ def samples_of(source: Source, cache: Path | None = None) -> ClosedDoorSamples |
 
 
 def _digest_of(source: Source) -> str:
-    """Tells maps apart that have the same name: of the files that one is made from, or of a plan's name."""
+    """Tells samples of one name apart: of the files of a map, or of a plan's name, and of the code."""
     plan = source.plan if isinstance(source, ShutPlan) else ""
-    digest = hashlib.sha256(b"" if source.files else plan.encode())
+    digest = hashlib.sha256(package_fingerprint().encode())
+    digest.update(b"" if source.files else plan.encode())
     digest.update(split_level(plan)[1].encode())
     for path in filter(is_file, source.files):
         digest.update(path.read_bytes())

@@ -23,6 +23,7 @@ from layoutexplore.files import (
     read_json,
     read_toml,
     read_yaml,
+    reading,
     to_toml,
     write_arrays,
     write_atomically,
@@ -216,3 +217,13 @@ def test_the_mark_that_windows_begins_texts_with_is_no_part_of_them(tmp_path: Pa
     assert read_toml(tmp_path / "a.toml") == {"a": 1}
     assert read_yaml(tmp_path / "a.yaml") == {"a": 1}
     assert read_csv(tmp_path / "a.csv") == [["a", "b"]]
+
+
+def test_the_fingerprint_of_the_package_is_of_all_its_folders(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a checkout, too, where some lie beside it."""
+    seen: list[Path] = []
+    monkeypatch.setattr(reading, "fingerprint", lambda files: seen.extend(files))
+    reading.package_fingerprint.__wrapped__()
+    names = {"/".join(path.parts[-2:]) for path in seen}
+    assert {"maps/library.py", "agents/tour.py", "envs/base.py", "layoutexplore/errors.py"} <= names
+    assert {"processes/kernels.json", "weights/layout.safetensors"} <= names

@@ -40,7 +40,7 @@ def test_learning_from_maps(tmp_path: Path) -> None:
     assert np.allclose(again.score(boxes), models.rooms.score(boxes), atol=1e-3)
 
 
-def test_samples_are_kept(closed_door_maps: Path, tmp_path: Path) -> None:
+def test_samples_are_kept(closed_door_maps: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sources = find_sources(closed_door_maps, [])
     assert [s.name for s in sources[:2]] == ["office_2_doors", "office-shut-0"]
     first = samples_of(sources[0], tmp_path / "cache")
@@ -48,6 +48,9 @@ def test_samples_are_kept(closed_door_maps: Path, tmp_path: Path) -> None:
     assert first is not None and again is not None and np.array_equal(first.boxes, again.boxes)
     (kept,) = (tmp_path / "cache").iterdir()
     assert kept.name.startswith("office_2_doors-") and kept.suffix == ".npz"
+    monkeypatch.setattr(training, "package_fingerprint", lambda: "of other code")
+    samples_of(sources[0], tmp_path / "cache")
+    assert len(list((tmp_path / "cache").iterdir())) == 2, "other code may find other samples"
     assert {building_of(name, "closed doors") for name in ("battle_2", "battle_1", "battle2")} == {"battle"}
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+import layoutexplore
 from layoutexplore.errors import LayoutExploreError, ResultsError
 from layoutexplore.files import ArrayRule, read_arrays, write_arrays
 from layoutexplore.files.archives import check_arrays
@@ -87,8 +88,8 @@ def _examples_of(k: int, plans: tuple[str, ...], seed: int, begin: Path | None) 
 
 
 def mark_of(plans: Sequence[str]) -> str:
-    """Tells what was made of other plans, or of other content of their files."""
-    mark = zlib.crc32(chr(10).join(plans).encode())
+    """Tells what was made of other plans, or of other content of their files, or by another version."""
+    mark = zlib.crc32(chr(10).join([layoutexplore.__version__, *plans]).encode())
     for path in filter(is_file, (file for plan in plans for file in source_files(plan))):
         mark = zlib.crc32(path.read_bytes(), mark)
     return f"{mark:08x}"

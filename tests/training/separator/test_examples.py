@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import layoutexplore
 from layoutexplore.layout.merging.separator.planes import KINDS, PATCH
 from layoutexplore.training.separator import maps
 from layoutexplore.training.separator.examples import separator_example
@@ -63,6 +64,10 @@ def test_examples_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         (tmp_path / "plan.geojson").write_text(content)
         separator_examples(1, (str(tmp_path / "plan.geojson"),), cache=tmp_path)
     assert made == [0, 1, 2, 0, 0, 0], "a plan that has been corrected, other maps"
+    with monkeypatch.context() as later:
+        later.setattr(layoutexplore, "__version__", "9.9")
+        separator_examples(1, cache=tmp_path)
+    assert made == [0, 1, 2, 0, 0, 0, 0], "another version, other maps"
     damaged = next(tmp_path.glob("*-2.npz"))
     damaged.write_bytes(damaged.read_bytes()[:100])
     with pytest.warns(UserWarning, match="made anew"):
