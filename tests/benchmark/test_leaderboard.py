@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from layoutexplore.benchmark.analysis import compare, over_all_sensors
 from layoutexplore.benchmark.leaderboard import make_leaderboard
 from layoutexplore.benchmark.runner import run_benchmark
 from layoutexplore.benchmark.store import ResultsFolder
@@ -62,6 +63,11 @@ def test_the_ranking(suite: Suite, whole: Path) -> None:
         assert set(standing.by_sensor) == {"stage", "indoor"}
     estimates = [s.ratios["d95"].ratio.estimate for s in board.standings[1:]]
     assert estimates == sorted(estimates)
+    leads = over_all_sensors(compare(ResultsFolder(whole).rows(), board.standings[1].entrant.agent))
+    for standing in board.standings:
+        chance = leads[standing.entrant.agent, "d95"].ratio.low <= 1 and standing.rank > 1
+        assert standing.tied == chance
+    assert {standing.tied for standing in board.standings[2:]} == {True, False}
 
 
 def test_other_cells_are_left_out(suite: Suite, whole: Path, tmp_path: Path) -> None:

@@ -50,6 +50,10 @@ def test_a_robot_gets_map_rooms_doors_and_graph_in_the_frame_of_its_map(tmp_path
         assert 0.8 < edge["width"] < 1.0
         assert all(outlines[room].distance(shapely.Point(edge["place"])) < 0.3 for room in edge["rooms"])
     assert sorted(f["properties"]["kind"] for f in features) == ["door"] * 3 + ["goal"] * 4 + ["room"] * 4
+    for door in (f for f in features if f["properties"]["kind"] == "door"):
+        line, edge = shapely.geometry.shape(door["geometry"]), graph["edges"][door["properties"]["id"]]
+        assert line.length == pytest.approx(edge["width"], abs=0.01)
+        assert line.distance(shapely.Point(edge["place"])) < 0.3
 
 
 def test_a_robot_gets_all_files_or_keeps_those_it_has(

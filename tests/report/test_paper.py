@@ -57,6 +57,13 @@ def test_every_chart_and_table_is_written(written: list[Path]) -> None:
     assert len({line.replace(r"\&", "").count("&") for line in rows}) == 1
 
 
+def test_the_chart_of_ratios_shows_every_agent_once(written: list[Path]) -> None:
+    svg = (written[0].parent / "ratios-stage.svg").read_text()
+    labels = re.findall(r"<!-- (.*?) -->", svg)  # letters are drawn as curves, after what they say
+    assert "metres to 95 % / metres of nearest" in labels
+    assert sorted(label for label in labels if label in AGENTS) == sorted(AGENTS)
+
+
 def test_files_of_all_sensors_have_plain_names(tmp_path: Path) -> None:
     save_plan(floorplan_from_ascii(HOUSE, resolution=0.6, name="house"), tmp_path / "house.geojson")
     plans, sensors = (str(tmp_path / "house.geojson"),), ("stage", "indoor")
