@@ -75,7 +75,9 @@ def _clear_away(folder: Path, index: str, data: Collection[str]) -> None:
 def look_at_sources(cache: Any) -> None:
     """Tell the cache of a kernel, once, what is compiled into that: at its first use all of it is there."""
     if not hasattr(cache, "taken_in"):
-        cache.taken_in, file = taken_in(cache._py_func), cache._cache_file
+        cache.taken_in, file = "", cache._cache_file
+        with contextlib.suppress(Exception):  # of a program's own kernels, whose globals may be anything
+            cache.taken_in = taken_in(cache._py_func)
         file._source_stamp = file._source_stamp, cache.taken_in
 
 
@@ -130,7 +132,7 @@ def _spelled(value: Any) -> str:
         return repr(sorted((name, str(option)) for name, option in value.targetoptions.items()))
     if isinstance(value, (Enum, *_NUMBERS)):
         return repr(value)
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         return f"{value.dtype}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}"
     if isinstance(value, tuple):
         return f"{type(value).__name__}({', '.join(map(_spelled, value))})"

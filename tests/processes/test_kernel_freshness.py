@@ -91,6 +91,17 @@ def test_what_changes_nothing_in_it_leaves_a_kernel_in_the_cache(folder: Path) -
     assert (module.outer(5), hits(module)) == (16, 1)
 
 
+def test_globals_that_cannot_be_told_stop_no_kernel(folder: Path) -> None:
+    """A program's own: an attribute may be called as one of them, so that it is looked at in vain."""
+    outer = folder / "fresh_outer.py"
+    odd = "class Odd:\n    __class__ = property(lambda self: 1 / 0)\nreal, size = Odd(), np.array([{}])\n"
+    text = FILES["fresh_outer"].replace("inner(x)", "inner(x).real + TABLE.size - 2")
+    outer.write_text(f"import numpy as np\n{text}{odd}")
+    for found in (0, 1):
+        module = anew()
+        assert (module.outer(5), hits(module)) == (16, found)
+
+
 def test_what_was_kept_of_a_kernel_as_it_was_is_removed(folder: Path) -> None:
     """As long as it may be of a process that is about to say what it has written, it stays."""
     outer = folder / "fresh_outer.py"
